@@ -65,7 +65,7 @@ fn placed_between(field: u32, index: vec3f) -> PlacedTexel {
     let base = floor(index);
     let fraction = index - base;
     var texel: PlacedTexel;
-    if (EXACT_LINEAR) {
+    if (PLACED_FETCHED) {
         let before = placed_plane(field, base, fraction.x, fraction.y);
         let after = placed_plane(field, base + vec3f(0.0, 0.0, 1.0), fraction.x, fraction.y);
         texel = fma(PlacedTexel(fraction.z), after - before, before);

@@ -11,8 +11,11 @@ fn texel_at(voxel: vec3f) -> vec4f {
     return textureLoad(volume, vec3i(clamp(voxel, vec3f(), last)), 0);
 }
 
-// The texel at a place, by the filter of the device.
+// The texel at a place, by the filter of the device, or without one for texels that it does not filter.
 fn filtered(place: vec3f) -> vec4f {
+    if (FETCHED) {
+        return linear_between(fma(place, volume_dims(), vec3f(-0.5)));
+    }
     return textureSampleLevel(volume, volume_sampler, place, 0.0);
 }
 

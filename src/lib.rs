@@ -61,6 +61,8 @@
 #[doc(hidden)]
 pub mod cli;
 #[doc(hidden)]
+pub mod live;
+#[doc(hidden)]
 pub mod ranks;
 #[doc(hidden)]
 pub mod view;

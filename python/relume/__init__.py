@@ -14,7 +14,7 @@ SCENE.md. Nothing but `render` needs Vulkan, and `device="cpu"` renders without 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ._errors import (
@@ -50,6 +50,8 @@ from ._relume import (
 
 WAVELENGTHS.flags.writeable = False
 
+_NO_WIDGET = 'the widget needs anywidget: pip install "relume[widget]"; a page of a film needs nothing'
+
 
 def view(
     scene: Scene,
@@ -68,8 +70,33 @@ def view(
     try:
         from ._view import View
     except ImportError as error:
-        raise ImportError('the widget needs anywidget: pip install "relume[widget]"; a page of a film needs nothing') from error
+        raise ImportError(_NO_WIDGET) from error
     return View(scene, size, device=device, title=title, tolerance=tolerance)
+
+
+def live(
+    scene: Scene,
+    size: Sequence[int] = (400, 400),
+    *,
+    device: str | int | None = None,
+    title: str | None = None,
+    tolerance: float | None = None,
+    always: bool = False,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> Any:
+    """The scene as a widget whose browser marches the volume by WebGPU: Python does nothing while it is turned, cut and relit.
+
+    The browser gets the voxels. `widget.camera`, `widget.crop` and `widget.densities` are what it shows, in both directions: set
+    them, observe them, or link them between widgets (`traitlets.link`, `ipywidgets.jslink`). `widget.scene` is the scene as it is
+    turned and cut, `widget.light` the light, and `widget.page(path)` writes a file. A browser without WebGPU, or whose device is too
+    slow without `always`, shows the first view, and says so: `relume.view` marches in Python. Needs `anywidget`, and a Vulkan
+    device for the first view.
+    """
+    try:
+        from ._live import Live
+    except ImportError as error:
+        raise ImportError(_NO_WIDGET) from error
+    return Live(scene, size, device=device, title=title, tolerance=tolerance, always=always, progress=progress)
 
 
 __all__ = [
@@ -94,6 +121,7 @@ __all__ = [
     "__version__",
     "devices",
     "example",
+    "live",
     "open",
     "release",
     "spectrum",

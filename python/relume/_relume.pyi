@@ -68,6 +68,13 @@ class Volume:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
+class LiveVolume:
+    @property
+    def json(self) -> str: ...
+    @property
+    def blocks(self) -> list[tuple[str, bytes]]: ...
+
+@final
 class Scene:
     def __new__(
         cls,
@@ -123,6 +130,22 @@ class Scene:
         roll: float | None = None,
         size: Sequence[int] | None = None,
     ) -> Scene: ...
+    def turned(
+        self,
+        *,
+        azimuth: float | None = None,
+        elevation: float | None = None,
+        zoom: float = 1.0,
+        pan: Sequence[float] = ...,
+        size: Sequence[int] | None = None,
+    ) -> Scene: ...
+    def _live(
+        self,
+        size: Sequence[int] | None = None,
+        *,
+        device: str | int | None = None,
+        progress: _Progress | None = None,
+    ) -> tuple[Film, LiveVolume]: ...
     def view(self, size: Sequence[int] | None = None) -> dict[str, Any]: ...
     def render(
         self,
@@ -228,6 +251,9 @@ class Film:
         tolerance: float | None = None,
         *,
         progress: _Progress | None = None,
+    ) -> None: ...
+    def _live_page(
+        self, path: _Path, volume: LiveVolume, title: str | None = None, tolerance: float | None = None
     ) -> None: ...
     def _packed(
         self,

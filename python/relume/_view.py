@@ -1,4 +1,4 @@
-"""The live widget: light in the browser, camera by a march in Python."""
+"""Widgets: light in the browser, and a camera by a march in Python."""
 
 import base64
 import contextlib
@@ -20,25 +20,51 @@ _STILL = 0.2
 _SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 
-class View(anywidget.AnyWidget):
-    """A scene in a notebook. See `relume.view`."""
+def checked_size(size):
+    """(width, height) as whole numbers."""
+    try:
+        width, height = size
+        return int(width), int(height)
+    except (TypeError, ValueError):
+        raise ValueError(f"size {size}: write (width, height)") from None
 
-    _esm = (pathlib.Path(__file__).parent / "widget.js").read_text(encoding="utf-8")
+
+class Lit(anywidget.AnyWidget):
+    """A picture that is lit in the browser; `_png` is the same for front ends without widgets."""
+
     _page = traitlets.Unicode().tag(sync=True)
     _views = traitlets.List(traitlets.Bytes()).tag(sync=True)
     _mix = traitlets.List(traitlets.Any()).tag(sync=True)
     hand = traitlets.List(traitlets.Float(), [0.0, 0.0], minlen=2, maxlen=2, help="Hand of the light dial").tag(sync=True)
     picked = traitlets.List(traitlets.Int(), help="Column and row of the picked pixel, or nothing").tag(sync=True)
+    _png = b""
+
+    @property
+    def light(self):
+        """The light as it is shown: (spectrum, weight, position) of each, for `film.relight`; `None` until a browser has shown it."""
+        if not self._mix:
+            return None
+        return [(numpy.array(spectrum), weight, position) for spectrum, weight, position in self._mix]
+
+    def _repr_mimebundle_(self, **options):
+        # Front ends without widgets, and notebooks without a kernel, show the picture.
+        bundle = super()._repr_mimebundle_(**options)
+        data, *metadata = bundle if isinstance(bundle, tuple) else (bundle,)
+        data = {**(data or {}), "image/png": base64.b64encode(self._png).decode()}
+        return (data, *metadata) if metadata else data
+
+
+class View(Lit):
+    """A scene in a notebook. See `relume.view`."""
+
+    _esm = (pathlib.Path(__file__).parent / "widget.js").read_text(encoding="utf-8")
     scene = traitlets.Instance(Scene, help="The scene as it is turned; another one takes its place")
     film = traitlets.Instance(Film, help="The film of the last whole picture")
 
     def __init__(self, scene, size=(400, 400), *, device=None, title=None, tolerance=None):
         if not isinstance(scene, Scene):
             raise TypeError(f"a scene is shown, not {type(scene).__name__}: relume.open(path), Scene.first_look(volume)")
-        try:
-            self._size = tuple(int(side) for side in size)
-        except TypeError:
-            raise ValueError(f"size {size}: write (width, height)") from None
+        self._size = checked_size(size)
         self._asked = {"device": device}
         self._packing = (title, tolerance)
         self._opened = scene
@@ -58,22 +84,8 @@ class View(anywidget.AnyWidget):
         self.on_msg(self._heard)
         self.observe(self._replaced, "scene")
 
-    @property
-    def light(self):
-        """The light as it is shown: (spectrum, weight, position) of each, for `film.relight`; `None` until a browser has shown it."""
-        if not self._mix:
-            return None
-        return [(numpy.array(spectrum), weight, position) for spectrum, weight, position in self._mix]
-
     def __repr__(self):
         return f"<relume.view of {self.scene!r}>"
-
-    def _repr_mimebundle_(self, **options):
-        # Front ends without widgets, and notebooks without a kernel, show the picture.
-        bundle = super()._repr_mimebundle_(**options)
-        data, *metadata = bundle if isinstance(bundle, tuple) else (bundle,)
-        data = {**(data or {}), "image/png": base64.b64encode(self._png).decode()}
-        return (data, *metadata) if metadata else data
 
     # ---- the camera ----
 

@@ -10,7 +10,7 @@ use pyo3::types::{PyDict, PyList};
 use relume::film::Film;
 use relume::measure::{Choice, Wanted, cache_folder, choose};
 use relume::progress::Progress;
-use relume::render::{KeptVolume, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use relume::render::{KeptVolume, PlannedJob, RenderWarning, Renderer, SceneRenderer, Uploaded};
 use relume::scene::{Mix, Scene};
 use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
@@ -99,32 +99,37 @@ pub(crate) fn marched(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Made<Vec<Film<f32>>> {
-    with_renderer(device, |kept| march(kept, job, mix, size, progress))
+    Ok(marched_and(device, job, mix, size, progress, |_, _| Ok(()))?.0)
 }
 
-fn march(
-    kept: &mut Kept,
+/// [`marched`], and what `then` does with the renderer and the volume.
+pub(crate) fn marched_and<T>(
+    device: &str,
     job: &PlannedJob,
     mix: &Mix,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Made<Vec<Film<f32>>> {
-    let Kept { renderer, on_device, uploads } = kept;
-    renderer.check_picture(&job.planned.plan, size, 0)?;
-    if !on_device.as_ref().is_some_and(|before| before.holds(&job.scene, &job.planned)) {
-        *uploads += 1;
-    }
-    job.clone().put(on_device, renderer, progress)?;
-    let Some(on_device) = on_device else {
-        return Err(Failed::new("DeviceError", "device", "the scene is not on the device"));
-    };
-    let uploaded = on_device.uploaded();
-    for warning in RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()) {
-        heard(warning);
-    }
-    Ok(job.films(on_device, size, progress, |on_device, film| {
-        RenderWarning::of_film(on_device, film, mix).into_iter().for_each(heard);
-    })?)
+    then: impl FnOnce(&Renderer, &Uploaded) -> Made<T>,
+) -> Made<(Vec<Film<f32>>, T)> {
+    with_renderer(device, |kept| {
+        let Kept { renderer, on_device, uploads } = kept;
+        renderer.check_picture(&job.planned.plan, size, 0)?;
+        if !on_device.as_ref().is_some_and(|before| before.holds(&job.scene, &job.planned)) {
+            *uploads += 1;
+        }
+        job.clone().put(on_device, renderer, progress)?;
+        let Some(on_device) = on_device else {
+            return Err(Failed::new("DeviceError", "device", "the scene is not on the device"));
+        };
+        let uploaded = on_device.uploaded();
+        for warning in RenderWarning::of_storage(&job.scene, &uploaded.storage, uploaded.labels.as_deref()) {
+            heard(warning);
+        }
+        let films = job.films(on_device, size, progress, |on_device, film| {
+            RenderWarning::of_film(on_device, film, mix).into_iter().for_each(heard);
+        })?;
+        Ok((films, then(renderer, on_device.uploaded())?))
+    })
 }
 
 /// Vulkan devices of this machine: dicts with `name`, `kind`, `driver` and `missing`, which is empty for a usable one.

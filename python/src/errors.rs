@@ -4,6 +4,7 @@ use std::error::Error;
 
 use pyo3::prelude::*;
 use relume::document::{OpenError, SceneError, SessionError, chain};
+use relume::live::LiveError;
 use relume::measure::MeasureError;
 use relume::model::ModelError;
 use relume::output::OutputError;
@@ -123,6 +124,18 @@ impl From<RenderError> for Failed {
             RenderError::Volume(error) | RenderError::Labels(error) => error.into(),
             RenderError::Slot { .. } => Self::of("DeviceMemoryError", error.code(), &error),
             error => Self::of("RelumeError", error.code(), &error),
+        }
+    }
+}
+
+impl From<LiveError> for Failed {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Plan(error) => error.into(),
+            LiveError::Render(error) => error.into(),
+            LiveError::Volume(error) => error.into(),
+            LiveError::Page(error) => error.into(),
+            error => Self::of("OutputError", error.code(), &error),
         }
     }
 }

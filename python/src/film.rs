@@ -19,6 +19,7 @@ use relume::spectrum::BANDS;
 use relume::tables::Reflected;
 
 use crate::errors::{Failed, Made};
+use crate::scene::LiveVolume;
 use crate::spectra;
 use crate::volume::{hash_of, is_path, view};
 use crate::work;
@@ -561,6 +562,23 @@ impl Film {
         work::run(py, progress, |progress| {
             page::check_name(&path)?;
             Ok(self.packed(title, tolerance, progress)?.write(&path)?)
+        })
+    }
+
+    /// Writes a page whose reader turns the `volume`, with this as its finished view.
+    #[pyo3(signature = (path, volume, title=None, tolerance=None))]
+    fn _live_page(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        volume: &Bound<'_, LiveVolume>,
+        title: Option<&str>,
+        tolerance: Option<f64>,
+    ) -> PyResult<()> {
+        let volume = &volume.get().0;
+        work::run(py, None, |progress| {
+            page::check_name(&path)?;
+            Ok(self.as_page(title, tolerance).with_live(Some(volume), progress)?.write(&path)?)
         })
     }
 

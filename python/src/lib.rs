@@ -30,6 +30,7 @@ fn _relume(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("WAVELENGTHS", spectra::wavelengths(py))?;
     module.add_class::<volume::Volume>()?;
     module.add_class::<scene::Scene>()?;
+    module.add_class::<scene::LiveVolume>()?;
     module.add_class::<film::Film>()?;
     module.add_class::<palette::Palette>()?;
     module.add_class::<palette::Solution>()?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyType};
+use pyo3::types::{PyBytes, PyDict, PyType};
 use relume::document::moves::{Move, around, moved};
 use relume::document::session::with_camera;
 use relume::document::{
@@ -14,13 +14,15 @@ use relume::document::{
     parse_ready, redefined,
 };
 use relume::film::Film as Numbers;
+use relume::live::{self, ForReaders};
 use relume::measure::{Enlargement, Goal, Pixels, Wanted};
 use relume::memory;
 use relume::output::FilmFile;
+use relume::output::page::PackedLive;
 use relume::plan::plan;
 use relume::progress::{Progress, unreported};
-use relume::render::{Job, PlannedJob, RenderWarning};
-use relume::scene::{Camera, Mix};
+use relume::render::{Job, Keeps, PlannedJob, RenderWarning};
+use relume::scene::{Camera, Mix, Turned};
 use relume::spectrum::Light;
 use relume::volume::Statistics;
 
@@ -116,6 +118,25 @@ impl Scene {
             Ok(Film::of(file)?.chosen(choice.clone()))
         };
         job.cameras.iter().zip(films).map(made).collect()
+    }
+}
+
+/// The volume of a live widget or page.
+#[pyclass(frozen, module = "relume")]
+pub(crate) struct LiveVolume(pub(crate) PackedLive);
+
+#[pymethods]
+impl LiveVolume {
+    /// Sizes, names, frame and camera, as the script reads them.
+    #[getter]
+    fn json(&self) -> &str {
+        &self.0.json
+    }
+
+    /// Names and deflated bytes.
+    #[getter]
+    fn blocks<'py>(&self, py: Python<'py>) -> Vec<(&'static str, Bound<'py, PyBytes>)> {
+        self.0.blocks.iter().map(|(name, bytes)| (*name, PyBytes::new(py, bytes))).collect()
     }
 }
 
@@ -325,6 +346,78 @@ impl Scene {
         Ok(Self { file, statistics: self.statistics.clone() })
     }
 
+    /// The scene from a turned camera, as `relume.live` shows it: `azimuth` and `elevation` in degrees (by default those of the scene),
+    /// `zoom` as a lens, so that the eye stays, and `pan` in heights of the zoomed picture to the right and up. `size` is that of the pictures.
+    #[pyo3(signature = (*, azimuth=None, elevation=None, zoom=1.0, pan=[0.0; 2], size=None))]
+    fn turned(
+        &self,
+        azimuth: Option<f64>,
+        elevation: Option<f64>,
+        zoom: f64,
+        pan: [f64; 2],
+        size: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        if !(zoom > 0.0 && zoom.is_finite()) {
+            return Err(PyValueError::new_err(format!("zoom={zoom}: it is a number above 0")));
+        }
+        let opened = &self.file.scene.camera;
+        let of = Turned::of(opened);
+        let turned =
+            Turned { azimuth: azimuth.unwrap_or(of.azimuth), elevation: elevation.unwrap_or(of.elevation), zoom, pan };
+        let mut numbers = [turned.azimuth, turned.elevation].into_iter().chain(pan);
+        if let Some(number) = numbers.find(|number| !number.is_finite()) {
+            return Err(PyValueError::new_err(format!("a camera cannot turn by {number}")));
+        }
+        if !(-89.9..=89.9).contains(&turned.elevation) {
+            let elevation = turned.elevation;
+            return Err(PyValueError::new_err(format!("elevation={elevation}: it is a number from -89.9 to 89.9")));
+        }
+        let camera = turned.camera(opened, &self.file.scene.frame.geometry, aspect(size_of(size)?));
+        let camera = camera.ok_or_else(|| Failed::new("SceneError", "camera", "the camera has no line of sight"))?;
+        let file = with_camera(&self.file, camera).map_err(Failed::from)?;
+        Ok(Self { file, statistics: self.statistics.clone() })
+    }
+
+    /// The film with which a live widget opens, and its volume.
+    #[pyo3(signature = (size=None, *, device=None, progress=None))]
+    fn _live(
+        &self,
+        py: Python<'_>,
+        size: Option<&Bound<'_, PyAny>>,
+        device: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(Film, LiveVolume)> {
+        let Asked { size, device, .. } = asked(size, device, None)?;
+        if ["cpu", "reference"].contains(&device.as_str()) {
+            return Err(PyValueError::new_err(format!(
+                "device={device}: a live widget needs a Vulkan device for its first view and its light; Film.page and relume.view need none"
+            )));
+        }
+        work::run(py, progress, |progress| {
+            let ForReaders { scene, block, notes } = ForReaders::new(&self.file.scene, size, progress)?;
+            notes.iter().filter(|note| note.is_warning()).for_each(heard);
+            let statistics = if block == [1; 3] {
+                self.statistics.clone()
+            } else {
+                scene.volume().statistics().map_err(Failed::from)?
+            };
+            let camera = scene.camera.clone();
+            let job = Job::new(scene, statistics).of_pictures(size, vec![camera]);
+            let job = Job { keeps: Keeps::Weights, ..job }.planned(progress)?;
+            job.planned.warnings.iter().for_each(heard);
+            let mix = self.file.opening_mix();
+            let (films, (volume, notes)) =
+                device::marched_and(&device, &job, &mix, size, progress, |renderer, uploaded| {
+                    Ok(live::packed(renderer, (&job.scene, &job.planned), uploaded, size, block)?)
+                })?;
+            notes.iter().filter(|note| note.is_warning()).for_each(heard);
+            let none = || Failed::new("RelumeError", "film", "there is no film");
+            let film = films.into_iter().next().ok_or_else(none)?;
+            let dial = self.file.light.dial_of_film(&self.file.dial);
+            Ok((Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)?, LiveVolume(volume)))
+        })
+    }
+
     /// The films of a turntable, `columns` by `rows` of them, row by row from the top.
     #[pyo3(signature = (columns, rows, size, device=None, progress=None))]
     fn _around(
@@ -467,7 +560,7 @@ impl Scene {
     }
 
     /// A picture of 256 pixels, in a notebook.
-    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let small = |device: &str| Asked { size: [256; 2], device: device.to_owned(), lights: Vec::new(), goal: None };
         let film = work::run(py, None, |progress| match self.film(&small("auto"), progress) {
             Err(failed) if failed.is_of_device() => self.film(&small("cpu"), progress),

@@ -162,6 +162,93 @@ def test_the_light_of_the_widget_relights_its_film(scene):
         relume.view(scene, 300)
 
 
+def test_a_turned_camera_is_that_of_a_live_page(scene):
+    opened, size = scene.view((96, 64)), (96, 64)
+    again = scene.turned(size=size)
+    assert again.render(size) == scene.render(size)
+    # As a lens: the eye stays, and the picture is half as wide.
+    near = scene.turned(zoom=2, size=size).view(size)
+    assert near["position"] == pytest.approx(opened["position"]) and near["half"][1] == pytest.approx(opened["half"][1] / 2)
+    moved = scene.turned(zoom=2, pan=(0.25, 0), size=size).view(size)
+    across = numpy.dot(numpy.subtract(moved["position"], near["position"]), opened["right"])
+    assert across > 0 and moved["forward"] == pytest.approx(near["forward"])
+    other = scene.turned(azimuth=70, elevation=-10, size=size)
+    assert other.view(size)["forward"] != pytest.approx(opened["forward"])
+    with pytest.raises(ValueError, match="zoom=0"):
+        scene.turned(zoom=0)
+    with pytest.raises(ValueError, match="elevation=95: .* from -89.9 to 89.9"):
+        scene.turned(elevation=95)
+    with pytest.raises(ValueError, match="cannot turn by inf"):
+        scene.turned(azimuth=float("inf"))
+
+
+def test_the_live_widget_shares_what_it_shows(scene, tmp_path):
+    import traitlets
+
+    widget = relume.live(scene, (48, 32), title="A ball")
+    assert widget.film == scene.render((48, 32)) and widget.scene is scene and repr(scene) in repr(widget)
+    assert json.loads(widget._volume)["dims"] == list(reversed(scene.volume.array.shape)) and "shader" in widget._blocks
+    assert widget.camera["zoom"] == 1 and widget.camera["pan"] == [0, 0]
+    # What is set leaves the rest as it is, and another widget follows.
+    widget.camera = {"azimuth": 70.0}
+    widget.camera = {"zoom": 1.5}
+    assert widget.camera == {**widget._whole["camera"], "azimuth": 70, "zoom": 1.5}
+    other = relume.live(scene, (48, 32))
+    link = traitlets.link((widget, "camera"), (other, "camera"))
+    widget.camera = {"elevation": -5}
+    assert other.camera["elevation"] == -5 and other.scene.view((48, 32)) == widget.scene.view((48, 32))
+    link.unlink()
+    # The scene is what the browser shows.
+    assert widget.scene.view((48, 32)) == scene.turned(azimuth=70, elevation=-5, zoom=1.5, size=(48, 32)).view((48, 32))
+    # Numbers of numpy are numbers, and what is beyond the volume is cut off.
+    widget.crop = numpy.array([[2, 2, 2], [9, 20, 200]])
+    assert widget.crop[0] == [2, 2, 2] and widget.crop[1][0] == 9
+    assert "crop" in widget.scene.toml and widget.scene.render((48, 32)) != scene.render((48, 32))
+    widget.crop = []
+    assert widget.crop == widget._whole["crop"] and "crop" not in widget.scene.toml
+    widget.crop[0][2] = 8
+    widget.crop = []
+    assert widget.crop[0][2] == 0, "nobody changes what is whole"
+    with widget.hold_trait_notifications():
+        widget.camera = {"zoom": 2}
+    assert widget.camera == {"azimuth": 70, "elevation": -5, "zoom": 2, "pan": [0, 0]}
+    name = next(iter(widget.densities))
+    widget.densities = {name: 0.5}
+    assert widget.densities[name] == 0.5
+    with pytest.raises(TypeError, match="assigned as a whole"):
+        widget.camera["azimuth"] = 3
+    with pytest.warns(relume.RelumeWarning, match="densities are those of the browser"):
+        assert widget.scene.toml
+    for trait, value, why in [
+        ("camera", {"azimut": 1}, "has no 'azimut'"),
+        ("camera", {"azimuth": float("nan")}, "not a finite number"),
+        ("camera", {"zoom": 100}, "zoom 100: from 0.3 to 30"),
+        ("camera", {"elevation": 95}, "elevation 95: from -89.9 to 89.9"),
+        ("camera", {"pan": 3}, "no list of numbers"),
+        ("crop", [[1, 2, 3]], "2 of them"),
+        ("crop", [1, 2], "no list of numbers"),
+        ("crop", 3, "no list of numbers"),
+        ("crop", [[1, 2, 3], [8, 2.5, 9]], "a voxel apart"),
+        ("densities", {"nothing": 1}, "has no 'nothing'"),
+        ("densities", {name: 3}, "from 0 to 2"),
+    ]:
+        before = getattr(widget, trait)
+        with pytest.raises(traitlets.TraitError, match=why):
+            setattr(widget, trait, value)
+        assert getattr(widget, trait) == before
+    widget.page(tmp_path / "ball.html")
+    html = (tmp_path / "ball.html").read_text()
+    assert "A ball" in html and 'id="relume-live-voxels-0"' in html
+    with pytest.raises(relume.OutputError, match=r"\.html"):
+        widget.page(tmp_path / "ball.png")
+    with pytest.raises(ValueError, match="needs a Vulkan device"):
+        relume.live(scene, device="cpu")
+    with pytest.raises(TypeError, match="a scene is shown, not Film"):
+        relume.live(widget.film)
+    with pytest.raises(ValueError, match="size 300: write"):
+        relume.live(scene, 300)
+
+
 @pytest.mark.parametrize("name", ["figure_1", "ct"])
 def test_the_notebooks_of_the_examples_run(name, tmp_path):
     import nbclient

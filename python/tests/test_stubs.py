@@ -14,6 +14,7 @@ picture = film.relight({"A": 0.5}, exposure=2.0)
 print(picture.mean(), film.weights.shape, relume.spectrum("D65").sum())
 relume.turntable(scene.moved(orbit=(10, 0)), 4, (32, 32)).page("turn.html")
 widget = relume.view(scene, title="a volume")
+live = relume.live(scene.turned(azimuth=40, zoom=2), (320, 240), always=True)
 """
 
 
@@ -23,8 +24,8 @@ def run(folder, *arguments):
 
 
 def test_the_stubs_are_those_of_the_module(tmp_path):
-    # Its metaclass is that of traitlets, which has no types.
-    (tmp_path / "allowed").write_text("relume._view.View\n")
+    # Their metaclass is that of traitlets, which has no types.
+    (tmp_path / "allowed").write_text("relume._view.View\nrelume._view.Lit\nrelume._live.Live\n")
     run(tmp_path, "mypy.stubtest", "relume", "--ignore-missing-stub", "--allowlist", "allowed")
 
 

@@ -2,15 +2,12 @@
 // docs/PAGE.md describes it; scripts/page_script makes relume/widget.js of it.
 
 import { mount } from "../../src/document/output/page/relume.js";
-import style from "../../src/document/output/page/style.css";
-import own from "./widget.css";
+import { bytesOf, heard, hosted, noteLight, REST, takeHand } from "./host.js";
 
 /** Degrees of a drag as long as the picture is high, and of a key; growth by a step of the wheel or a key: as in the window. */
 const TURN = 180, KEY_TURN = 5, NEARER = 1.1;
 /** Pixels of a scroll that count as a step of the wheel. */
 const STEP = 50;
-/** Milliseconds without a change of the light until Python hears of it. */
-const REST = 250;
 
 /** What must agree for a page to take the place of another one. */
 const lightsOf = ({ lights, positions, dial, model, components }) => JSON.stringify([lights.map(({ name }) => name), positions, dial, !model, components?.map(({ name }) => name)]);
@@ -55,23 +52,9 @@ function listenTo(frame, isPicked, move) {
 }
 
 function render({ model, el }) {
-  const host = document.createElement("div"), sheet = document.createElement("style"), root = document.createElement("div");
-  // Neither style nor keys are shared with the notebook.
-  host.setAttribute("data-lm-suppress-shortcuts", "true");
-  sheet.textContent = style + own;
-  host.attachShadow({ mode: "open" }).append(sheet, root);
-  el.append(host);
-
-  const pageNow = () => JSON.parse(model.get("_page")), views = () => model.get("_views");
-  const bytesOf = (all) => (view) => new Uint8Array(all[view].buffer, all[view].byteOffset, all[view].byteLength);
+  const root = hosted(el), pageNow = () => JSON.parse(model.get("_page")), views = () => model.get("_views");
   let shown, lights, positions, later = 0, moves = [], frame = 0;
-  const told = () => {
-    const { state, mix } = shown;
-    model.set("hand", [...state.hand]);
-    model.set("picked", state.pixel ? [...state.pixel] : []);
-    model.set("_mix", mix.map(({ light, weight, position }) => [light.spectrum, weight, positions[position]]));
-    model.save_changes();
-  };
+  const told = () => { noteLight(model, shown, positions); model.save_changes(); };
   const changed = () => { clearTimeout(later); later = setTimeout(told, REST); };
   /** Movements since the last message, at most one for each picture of the browser. */
   const move = (kind, ...numbers) => {
@@ -81,7 +64,7 @@ function render({ model, el }) {
     frame ||= requestAnimationFrame(() => { frame = 0; model.send({ moves }); moves = []; });
   };
   const show = () => {
-    const page = pageNow(), bytes = bytesOf(views());
+    const page = pageNow(), all = views(), bytes = (view) => bytesOf(all[view]);
     const now = lightsOf(page);
     if (now === lights) return shown.replace(page, bytes);
     shown?.end();
@@ -91,19 +74,14 @@ function render({ model, el }) {
     listenTo(root.querySelector(".frame"), () => shown.state.pixel, move);
     told();
   };
-  const hand = () => {
-    const asked = model.get("hand");
-    if (String(asked) !== String(shown.state.hand)) shown.set({ by: "dial", hand: [...asked] });
-  };
-  const heard = ({ error }) => { root.querySelector(".status").textContent = error ?? ""; };
   show();
-  model.on("change:_page", show);
-  model.on("change:hand", hand);
-  model.on("msg:custom", heard);
+  const end = heard(model, {
+    "change:_page": show,
+    "change:hand": () => takeHand(model, shown),
+    "msg:custom": ({ error }) => { root.querySelector(".status").textContent = error ?? ""; },
+  });
   return () => {
-    model.off("change:_page", show);
-    model.off("change:hand", hand);
-    model.off("msg:custom", heard);
+    end();
     cancelAnimationFrame(frame);
     clearTimeout(later);
     shown.end();

@@ -37,6 +37,7 @@ use clap::{Parser, Subcommand};
 
 use crate::document::import::ImportError;
 use crate::document::{OpenError, SceneError};
+use crate::live::LiveError;
 use crate::measure::{LadderError, MeasureError};
 use crate::model::ModelError;
 use crate::output::OutputError;
@@ -139,6 +140,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Page(#[from] PageError),
     #[error(transparent)]
+    Live(LiveError),
+    #[error(transparent)]
     Measure(#[from] MeasureError),
     #[error(transparent)]
     Check(#[from] LadderError),
@@ -178,6 +181,7 @@ impl CliError {
             Self::Reference(error) => error.code(),
             Self::Output(error) => error.code(),
             Self::Page(error) => error.code(),
+            Self::Live(error) => error.code(),
             Self::Measure(error) => error.code(),
             Self::Check(error) => error.code(),
             Self::Lights(error) => error.code(),
@@ -202,6 +206,18 @@ impl From<OpenError> for CliError {
             OpenError::Volume(error) => Self::Volume(error),
             OpenError::Preset(error) => Self::Preset(error),
             error => Self::Usage(error.to_string()),
+        }
+    }
+}
+
+impl From<LiveError> for CliError {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Plan(error) => Self::Plan(error),
+            LiveError::Render(error) => Self::Render(error),
+            LiveError::Volume(error) => Self::Volume(error),
+            LiveError::Page(error) => Self::Page(error),
+            LiveError::TooLarge { .. } => Self::Live(error),
         }
     }
 }

@@ -8,19 +8,18 @@ use crate::annotate::pixel_length;
 use crate::document::moves::around;
 use crate::document::{Placed, Requested, SceneFile};
 use crate::film::Film;
+use crate::live::{self, ForReaders, LiveNote};
 use crate::measure::{Stopwatch, Timing, peak_mb};
 use crate::memory;
 use crate::number::{count, whole};
 use crate::output::FilmFile;
 use crate::output::film::{self, Component};
-use crate::output::page::{self, Live, Numbers, PackedLive, PackedPage, Page, PageError, Summary, escaped};
-use crate::plan::plan;
+use crate::output::page::{self, PackedLive, PackedPage, Page, PageError, Summary, escaped};
 use crate::progress::Progress;
-use crate::render::{BrowserMarch, Job, Keeps, PlannedJob, RenderWarning, Renderer, SceneRenderer};
-use crate::scene::{Camera, Coarse, Mix, Placement, Scene, positions};
+use crate::render::{Job, Keeps, PlannedJob, RenderWarning, Renderer, SceneRenderer};
+use crate::scene::{Camera, Mix, Placement, Scene, positions};
 use crate::spectrum::{Light, Reflectance, Spectrum};
-use crate::tables::NumberStorage;
-use crate::volume::{HostMemory, VoxelType};
+use crate::volume::HostMemory;
 use crate::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
@@ -192,16 +191,13 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let inputs: Vec<&Path> = file.inputs.iter().map(PathBuf::as_path).collect();
     files::check_outputs(&[&args.output], &inputs)?;
     warn_of(RenderWarning::of_values(&statistics));
-    match (file.scene.frame.anatomical, args.live) {
-        (true, true) => tracing::warn!(
-            "a live page holds the voxels of a body, and of a head the face: send it only where the person agrees; --crop leaves out what is beyond it"
-        ),
-        (true, false) => tracing::info!("a page of a head shows a face: send it only where the person agrees"),
-        (false, _) => {}
-    }
     let (mut scene, mut block) = (file.scene.clone(), [1; 3]);
     if args.live {
-        (scene, block) = for_readers(scene, size, progress)?;
+        let for_readers = ForReaders::new(&scene, size, progress)?;
+        tell(&for_readers.notes);
+        (scene, block) = (for_readers.scene, for_readers.block);
+    } else if scene.frame.anatomical {
+        tracing::info!("a page of a head shows a face: send it only where the person agrees");
     }
     let names: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
     let stated = Mix::of_scene(&scene);
@@ -229,8 +225,11 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     let (views, on_device) = marched(&renderer, &job, size, progress)?;
     times.push(("march", clock.read()));
     let clock = Stopwatch::start();
-    let live = args.live.then(|| packed_live(&renderer, &job, &on_device, (size, block))).transpose()?;
-    if live.is_some() {
+    let mut live = None;
+    if args.live {
+        let (packed, notes) = live::packed(&renderer, (scene, planned), on_device.uploaded(), size, block)?;
+        tell(&notes);
+        live = Some(packed);
         times.push(("pack volume", clock.read()));
     }
     let empty = Film { size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
@@ -246,93 +245,11 @@ fn rendered(args: &Args, progress: &dyn Progress) -> Result<Films, CliError> {
     Ok(Films { header, views, columns, live, placed, times })
 }
 
-/// Most voxels of a live page whose texels have four numbers, and one, of 16 bits: 134 and 268 MB on the device of its reader.
-const MOST_VOXELS: [usize; 2] = [1 << 24, 1 << 27];
-/// Most voxels along an axis, on every device with WebGPU.
-const LONGEST_AXIS: usize = 2048;
-
-/// `scene` as a live page holds it, one ray a pixel and means of blocks of too many voxels, and these blocks.
-fn for_readers(mut scene: Scene, size: [usize; 2], progress: &dyn Progress) -> Result<(Scene, [usize; 3]), CliError> {
-    if scene.accuracy.rays > 1 {
-        tracing::info!("a live page marches one ray a pixel, not {}", scene.accuracy.rays);
-        scene.accuracy.rays = 1;
+/// Tells how a live page differs.
+fn tell(notes: &[LiveNote]) {
+    for note in notes {
+        if note.is_warning() { tracing::warn!("{note}") } else { tracing::info!("{note}") }
     }
-    let dims = scene.frame.geometry.dims;
-    let fits = |dims: [usize; 3], most: usize| {
-        dims.iter().fold(1_usize, |all, &n| all.saturating_mul(n)) <= most && dims.iter().all(|&n| n <= LONGEST_AXIS)
-    };
-    // Only what may be too large is planned for it.
-    let most = if fits(dims, MOST_VOXELS[0] / 2) {
-        return Ok((scene, [1; 3]));
-    } else {
-        let plan = plan(&scene, progress)?.plan;
-        let has_four = plan.stores_gradient() || plan.groups.further > 0;
-        let is_narrow = matches!(scene.volume().voxels.voxel_type(), VoxelType::U8 | VoxelType::I8);
-        MOST_VOXELS[usize::from(!has_four)] / if is_narrow { 1 } else { 2 }
-    };
-    let halved = |level: u32| dims.map(|n| n.div_ceil(1 << level));
-    let level = (0..16).find(|&level| fits(halved(level), most)).unwrap_or(16);
-    if level == 0 {
-        return Ok((scene, [1; 3]));
-    }
-    let fewer = Coarse::of_level(&scene, level, progress)?.scene_in(&scene, size);
-    let block = scene.volume().block_of(fewer.volume());
-    let [x, y, z] = fewer.frame.geometry.dims;
-    tracing::warn!(
-        "the page holds means of blocks of {}×{}×{} voxels, {x}×{y}×{z} in all: devices of readers hold {most} of them, and {LONGEST_AXIS} along an axis",
-        block[0],
-        block[1],
-        block[2]
-    );
-    Ok((fewer, block))
-}
-
-/// The volume of `job` and what a browser needs to march it.
-fn packed_live(
-    renderer: &Renderer,
-    job: &PlannedJob,
-    on_device: &SceneRenderer,
-    (size, block): ([usize; 2], [usize; 3]),
-) -> Result<PackedLive, CliError> {
-    let PlannedJob { scene, planned, .. } = job;
-    let march = BrowserMarch::new(renderer, scene, planned, on_device.uploaded(), size)?;
-    let live = Live {
-        scene,
-        planned,
-        plan: &march.plan,
-        size,
-        shader: &march.shader.text,
-        resources: march.resources(),
-        group: march.group,
-        block,
-        buffers: &march.buffers,
-        fields: march
-            .fields
-            .iter()
-            .map(|(NumberStorage { largest, shift, is_half, .. }, numbers)| Numbers {
-                numbers,
-                largest: *largest,
-                shift: *shift,
-                is_half: *is_half,
-            })
-            .collect(),
-        labels: march.labels.as_ref().map(|(texels, bytes)| (&texels[..], *bytes)),
-        grids: march.grids.iter().map(|grid| (grid.name, grid.dims, grid.numbers, &grid.texels[..])).collect(),
-    };
-    let packed = live.packed()?;
-    let loss = march.fields.iter().map(|(storage, _)| storage.storage.loss).fold(0.0, f64::max);
-    if loss > 0.0 {
-        tracing::warn!("the page holds values of 12 bits: they are rounded by up to {loss:.2e}");
-    }
-    let part = 100.0 * count(march.blanked) / count(scene.volume().voxels.len());
-    if !NumberStorage::blanks(&planned.plan) {
-        tracing::info!(
-            "all voxels in the crop box are in the page, seen or not: with labels, several channels, extremes or segments, none are left out"
-        );
-    } else if part >= 0.5 {
-        tracing::info!("values of {part:.0} % of the voxels are left out, of which nothing is seen");
-    }
-    Ok(packed)
 }
 
 /// Cameras of the views, row by row from the top, and the number of views in a row.

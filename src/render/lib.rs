@@ -22,8 +22,8 @@ use std::time::Duration;
 pub use job::{Job, Keeps, KeptVolume, OnCpu, PictureLevel, PlannedJob, Reference};
 pub use level::finest_level;
 pub use march::{
-    BrickCounts, BrowserMarch, DeviceFilm, Dispatching, LightQuality, March, MarchUniform, Speed, TableMemory, Target,
-    browser_shader,
+    BrickCounts, BrowserMarch, DeviceFilm, Dispatching, FieldNumbers, LightQuality, LightTexture, March, MarchUniform,
+    Speed, TableMemory, Target, browser_shader,
 };
 pub use pool::Residence;
 pub use relight::{Relight, RelightUniform};

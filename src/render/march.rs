@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-pub use browser::{BrowserMarch, browser_shader};
+pub use browser::{BrowserMarch, FieldNumbers, LightTexture, browser_shader};
 pub use dispatching::{Dispatching, TableMemory, Target};
 pub use inputs::MarchUniform;
 pub use rounds::BrickCounts;

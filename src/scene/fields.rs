@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::{FACTORS, Term};
+use relume_base::progress::Progress;
 use relume_volume::{BrickCache, CacheCounts, Statistics, Volume, VolumeError};
 
 /// A field: the values of a volume, wherever its voxels reside.
@@ -101,6 +102,21 @@ impl Fields {
         let grid = self.first.volume.geometry;
         further.sort_by_key(|field| field.volume.geometry != grid);
         Self { further, ..self }
+    }
+
+    /// The same with `first`, a coarse level of the first, the same level of those on its grid, and those on grids of their own as they are.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError`].
+    pub fn at_level(&self, first: Arc<Volume>, level: u32, progress: &dyn Progress) -> Result<Self, VolumeError> {
+        let coarse = |field: &Field| -> Result<Field, VolumeError> {
+            let volume = field.volume.coarser_by(level, field.volume.has_labels, progress)?;
+            Ok(Field::new(field.name.clone(), Arc::new(volume), field.terms.clone()))
+        };
+        let further = self.sharing().iter().map(coarse).chain(self.beside().iter().cloned().map(Ok));
+        let further = further.collect::<Result<_, _>>()?;
+        Ok(Self { first: Field::new(self.first.name.clone(), first, Vec::new()), further })
     }
 
     /// The field whose volume gives the scene its frame.

@@ -18,6 +18,7 @@ mod scattering;
 mod shape;
 pub mod tables;
 mod transfer;
+mod turned;
 
 use std::sync::Arc;
 
@@ -40,6 +41,7 @@ pub use transfer::{
     Depths, FACTORS, Factors, FieldFactor, GRADIENT_POINTS, GradientFactor, Interval, Lookup, MaterialCurve, Medium,
     OPAQUE_DEPTH, Term, Transfer, different_factors, stretched,
 };
+pub use turned::Turned;
 
 use relume_colour::model::ModelKind;
 use relume_colour::spectrum::deficiency::Deficiency;

@@ -115,11 +115,13 @@ const ARROWS: &[(&str, &[&str])] = &[
             "number",
         ],
     ),
+    ("live", &["output", "render", "plan", "scene", "tables", "volume", "progress", "number"]),
     (
         "cli",
         &[
             "annotate",
             "document",
+            "live",
             "view",
             "input",
             "measure",

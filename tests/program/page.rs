@@ -30,8 +30,9 @@ use support::browser::Browser;
 use support::program::Folder;
 use support::rungs::Rungs;
 
-/// The widget of the Python module.
+/// The widgets of the Python module.
 const WIDGET: &str = include_str!("../../python/relume/widget.js");
+pub(super) const LIVE_WIDGET: &str = include_str!("../../python/relume/live.js");
 
 /// Deterministic numbers from 0 to 1 (Steele et al. 2014).
 struct Random(u64);
@@ -528,15 +529,22 @@ fn the_script_of_pages_is_made_of_its_source_and_small() {
     };
     let of_page = ["relume.js", "style.css"].map(|name| format!("{PAGE}{name}"));
     let of_page_script = of_page[0].clone();
-    let own = ["widget.js", "widget.css"].map(|name| format!("python/widget/{name}"));
+    let own = |name: &str| {
+        let mut files: Vec<String> =
+            [name, "host.js", "widget.css"].map(|name| format!("python/widget/{name}")).to_vec();
+        files.extend(of_page.clone());
+        files
+    };
     let first = |text: &'static str| text.lines().next().unwrap();
     let run = "run scripts/page_script";
     assert_eq!(first(SCRIPT), format!("// relume.js {}", digest(&of_page[..1])), "{run}");
-    assert_eq!(first(WIDGET), format!("// widget.js {}", digest(&[own, of_page].concat())), "{run}");
+    assert_eq!(first(WIDGET), format!("// widget.js {}", digest(&own("widget.js"))), "{run}");
     let of_live = [format!("{PAGE}live.js"), of_page_script];
+    let of_live_widget = [own("live.js"), of_live[..1].to_vec()].concat();
+    assert_eq!(first(LIVE_WIDGET), format!("// live.js {}", digest(&of_live_widget)), "{run}");
     assert_eq!(first(LIVE_SCRIPT), format!("// live.js {}", digest(&of_live)), "{run}");
     assert!(SCRIPT.len() <= 32 * 1024, "{} bytes", SCRIPT.len());
-    assert!(LIVE_SCRIPT.len() <= 52 * 1024, "{} bytes", LIVE_SCRIPT.len());
+    assert!(LIVE_SCRIPT.len() <= 54 * 1024, "{} bytes", LIVE_SCRIPT.len());
 }
 
 #[test]
@@ -882,6 +890,33 @@ fn halved(film: &Film<f32>) -> Film<f32> {
     Film { size: [width / 2, height / 2], ..film.of_pixels(&pixels.collect::<Vec<_>>()) }
 }
 
+/// A text as a literal of a script in a page.
+pub(super) fn in_script(text: &str) -> String {
+    json!(text).to_string().replace('<', "\\u003c")
+}
+
+/// A page with a cell of a notebook, which shows a widget with these traits: what anywidget hands over, binary ones as views of a buffer by
+/// `data(base64)`.
+pub(super) fn cell(widget: &str, traits: &str, more: &str) -> String {
+    format!(
+        "<!DOCTYPE html><html lang=\"en\"><title>cell</title><body><div id=\"cell\"></div><script type=\"module\">\n\
+         const data = (text) => new DataView(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);\n\
+         const source = {}, cell = document.getElementById('cell'), heard = {{}}, traits = {traits};\n\
+         const widget = (await import('data:text/javascript,' + encodeURIComponent(source))).default;\n\
+         {more}\n\
+         globalThis.saved = 0; globalThis.sent = [];\n\
+         globalThis.model = {{get: (name) => traits[name], set: (name, value) => {{ traits[name] = value; heard[`change:${{name}}`]?.(); }}, save_changes: () => {{ saved++; }},\n\
+         send: ({{ moves }}) => sent.push(...moves), on: (name, act) => {{ heard[name] = act; }}, off: (name) => {{ delete heard[name]; }},\n\
+         tell: (all) => {{ Object.assign(traits, all); for (const name in all) heard[`change:${{name}}`]?.(); }}, say: (content) => heard['msg:custom'](content)}};\n\
+         globalThis.leave = widget.render({{model, el: cell}});\n\
+         const shadow = cell.firstChild.shadowRoot;\n\
+         globalThis.root = shadow.querySelector('.relume');\n\
+         document.querySelector = (name) => shadow.querySelector(name);\n\
+         document.getElementById = () => root;\n</script></body></html>",
+        in_script(widget)
+    )
+}
+
 #[test]
 fn the_widget_of_notebooks_lights_in_the_browser_and_moves_the_camera_in_python() {
     let (header, film) = read("glass.exr");
@@ -891,34 +926,14 @@ fn the_widget_of_notebooks_lights_in_the_browser_and_moves_the_camera_in_python(
         page(&header, std::slice::from_ref(&small), 0.5).packed_at(whole.summary.step, &Quiet).unwrap();
     let quick_page: Value = serde_json::from_str(&quick).unwrap();
     assert_eq!([&quick_page["size"], &quick_page["largest_error"]], [&json!(small.size), &Value::Null]);
-    let text = |text: &str| json!(text).to_string().replace('<', "\\u003c");
-    let view = |bytes: &[u8]| {
-        format!(
-            "new DataView(Uint8Array.from(atob({}), (letter) => letter.charCodeAt(0)).buffer)",
-            json!(STANDARD.encode(bytes))
-        )
-    };
-    // What anywidget hands over: traits, binary ones as views of a buffer.
-    let stub = format!(
-        "<!DOCTYPE html><html lang=\"en\"><title>cell</title><body><div id=\"cell\"></div><script type=\"module\">\n\
-         const source = {}, cell = document.getElementById('cell');\n\
-         const widget = (await import('data:text/javascript,' + encodeURIComponent(source))).default, heard = {{}};\n\
-         const traits = {{_page: {}, _views: [{}], hand: [0, 0], picked: []}};\n\
-         globalThis.quick = {{_page: {}, _views: [{}]}};\n\
-         globalThis.saved = 0; globalThis.sent = [];\n\
-         globalThis.model = {{get: (name) => traits[name], set: (name, value) => {{ traits[name] = value; }}, save_changes: () => {{ saved++; }},\n\
-         send: ({{ moves }}) => sent.push(...moves), on: (name, act) => {{ heard[name] = act; }}, off: (name) => {{ delete heard[name]; }},\n\
-         tell: (all) => {{ Object.assign(traits, all); for (const name in all) heard[`change:${{name}}`]?.(); }}, say: (content) => heard['msg:custom'](content)}};\n\
-         globalThis.leave = widget.render({{model, el: cell}});\n\
-         const shadow = cell.firstChild.shadowRoot;\n\
-         document.querySelector = (name) => shadow.querySelector(name);\n\
-         document.getElementById = () => shadow.querySelector('.relume');\n</script></body></html>",
-        text(WIDGET),
-        text(&whole.json),
-        view(&whole.views[0]),
-        text(&quick),
-        view(&views[0])
+    let bytes = |bytes: &[u8]| format!("data({})", json!(STANDARD.encode(bytes)));
+    let traits = format!(
+        "{{_page: {}, _views: [{}], hand: [0, 0], picked: []}}",
+        in_script(&whole.json),
+        bytes(&whole.views[0])
     );
+    let more = format!("globalThis.quick = {{_page: {}, _views: [{}]}};", in_script(&quick), bytes(&views[0]));
+    let stub = cell(WIDGET, &traits, &more);
     let folder = Folder::new().with("cell.html", stub);
     let mut browser = Browser::new();
     let mut cell = browser.open(&folder.path("cell.html"), "", [1200, 900]);

@@ -9,8 +9,8 @@ use super::source::source;
 use crate::upload::Uploaded;
 use crate::{RenderError, Renderer, ShaderError};
 use relume_scene::plan::{Planned, ScenePlan};
-use relume_scene::tables::{NumberStorage, Storage, read_in_crop};
-use relume_scene::{Field, Interpolation, Scene, ShadowMethod};
+use relume_scene::tables::{NumberStorage, PlacedField, Storage, read_in_crop, read_of_placed};
+use relume_scene::{Field, Scene, ShadowMethod};
 use relume_vulkan::shader::{BindingKind, BrowserShader};
 use relume_vulkan::{Buffer, Format, HostUse, Image3d, Resource};
 
@@ -20,22 +20,33 @@ const GROUP: [u32; 2] = [8, 8];
 /// A march for a browser: its shader, and everything that this reads.
 #[derive(Debug)]
 pub struct BrowserMarch {
-    /// The plan of the shader.
-    pub plan: ScenePlan,
     /// The shader.
     pub shader: BrowserShader,
     /// Pixels of a workgroup, across and down.
     pub group: [u32; 2],
     /// Bytes of its buffers by their names in the shader.
     pub buffers: Bytes,
-    /// The voxels of the fields in the texels of the volume: how they are stored as numbers, and the numbers, x fastest.
-    pub fields: Vec<(NumberStorage, Vec<u16>)>,
+    /// The voxels of the fields: those in the texels of the volume, then those on grids of their own.
+    pub fields: Vec<FieldNumbers>,
     /// Voxels whose values are left out, because nothing of them is seen.
     pub blanked: usize,
     /// Texels of the label map, and bytes of each; none without labels.
     pub labels: Option<(Vec<u8>, usize)>,
     /// Textures of light: that of shadows, and light that has scattered before.
     pub grids: Vec<LightTexture>,
+}
+
+/// The voxels of a field as whole numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldNumbers {
+    /// How they are stored.
+    pub storage: NumberStorage,
+    /// The numbers, x fastest.
+    pub numbers: Vec<u16>,
+    /// Voxels along each axis.
+    pub dims: [usize; 3],
+    /// True if they lie on a grid of their own, in a texture with the others of that kind, one behind the other along z.
+    pub is_placed: bool,
 }
 
 /// A texture of light, whose numbers are 16-bit floats.
@@ -51,14 +62,14 @@ pub struct LightTexture {
     pub texels: Vec<u16>,
 }
 
-/// The march shader of `plan` for a browser.
+/// The march shader of `plan` for a browser, whose devices all filter the texels of values or not.
 ///
 /// # Errors
 ///
 /// [`ShaderError`].
-pub fn browser_shader(plan: &ScenePlan) -> Result<BrowserShader, ShaderError> {
-    let dispatching =
-        Dispatching { group: GROUP, tables: TableMemory::Storage, target: Target::Browser, ..Dispatching::default() };
+pub fn browser_shader(plan: &ScenePlan, filters: bool) -> Result<BrowserShader, ShaderError> {
+    let target = Target::Browser { filters };
+    let dispatching = Dispatching { group: GROUP, tables: TableMemory::Storage, target, ..Dispatching::default() };
     source(plan, dispatching).for_browser()
 }
 
@@ -80,9 +91,6 @@ impl BrowserMarch {
         if uploaded.pool.is_some() {
             return refused("a volume in bricks", "crop it, or take a smaller level of it");
         }
-        if plan.groups.beside() > 0 {
-            return refused("volumes on grids of their own", "resample them to one grid, or leave them out");
-        }
         if plan.light.grid_lights() > 0 && plan.light.method == ShadowMethod::Rays {
             return Err(RenderError::LightRays);
         }
@@ -93,21 +101,8 @@ impl BrowserMarch {
             .zip(volumes)
             .map(|(storage, volume)| NumberStorage::new(storage, volume))
             .collect();
-        let mut plan = plan.clone();
-        if !storages.iter().all(|storage| storage.is_half) {
-            // Floats of 32 bits are filtered by some devices alone.
-            match plan.interpolation {
-                Interpolation::Linear => plan.interpolation = Interpolation::ExactLinear,
-                _ if plan.interpolation.is_filtered() => {
-                    return refused(
-                        "splines across slices of values of more than 12 bits",
-                        "take accuracy.interpolation = \"cubic\"",
-                    );
-                }
-                _ => {}
-            }
-        }
-        let shader = browser_shader(&plan)?;
+        // Floats of 32 bits are filtered by some devices alone.
+        let shader = browser_shader(plan, storages.iter().all(|storage| storage.is_half))?;
         let of_fields: Vec<&Storage> = storages.iter().map(|storage| &storage.storage).collect();
         let Inputs { rays: _, occupancy: _, uniforms, storages: tables_of_storage, tables } =
             Inputs::new(scene, planned, (uploaded, &of_fields), size)?;
@@ -127,14 +122,18 @@ impl BrowserMarch {
             (texels, bytes)
         });
         let mut blanked = 0;
-        let numbers = |(storage, field): (NumberStorage, &Field)| {
-            let mut numbers = storage.numbers(&field.volume);
+        let numbers = |((storage, field), place): ((NumberStorage, &Field), &Option<PlacedField>)| {
+            let (mut numbers, dims) = (storage.numbers(&field.volume), field.volume.geometry.dims);
             blanked += storage.blank(scene, planned, &mut numbers);
-            keep_in(&in_crop, dims, &mut numbers);
-            (storage, numbers)
+            match place {
+                None => keep_in(&in_crop, dims, &mut numbers),
+                Some(place) => keep(&read_of_placed(scene, place), dims, &mut numbers),
+            }
+            FieldNumbers { storage, numbers, dims, is_placed: place.is_some() }
         };
-        let fields = storages.into_iter().zip(scene.fields.iter()).map(numbers).collect();
-        Ok(Self { plan, shader, group: GROUP, buffers, fields, blanked, labels, grids })
+        let places = std::iter::once(&None).chain(&uploaded.places);
+        let fields = storages.into_iter().zip(scene.fields.iter()).zip(places).map(numbers).collect();
+        Ok(Self { shader, group: GROUP, buffers, fields, blanked, labels, grids })
     }
 
     /// Names of the resources of the shader in the order of their bindings, and their kinds as WebGPU calls them.
@@ -159,6 +158,15 @@ fn keep_in<T: Copy + Default>(ranges: &[Range<usize>; 3], [width, height, depth]
             numbers[end..].fill(T::default());
         } else {
             numbers.fill(T::default());
+        }
+    }
+}
+
+/// Sets the numbers of voxels that are not to be kept to 0.
+fn keep(is_kept: &impl Fn([usize; 3]) -> bool, [width, height, _]: [usize; 3], numbers: &mut [u16]) {
+    for (i, number) in numbers.iter_mut().enumerate() {
+        if !is_kept([i % width, i / width % height, i / (width * height)]) {
+            *number = 0;
         }
     }
 }

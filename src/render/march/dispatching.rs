@@ -32,7 +32,10 @@ pub enum Target {
     /// A Vulkan device, with the film in storage images.
     Device,
     /// WebGPU in a browser, with the film in storage buffers.
-    Browser,
+    Browser {
+        /// Whether its devices filter the texels of values; others are fetched and mixed by the shader.
+        filters: bool,
+    },
 }
 
 /// Memory of the tables of the transfer function and of the labels.

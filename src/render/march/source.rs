@@ -49,7 +49,7 @@ fn parts(plan: &ScenePlan, Dispatching { tables, residence, target, .. }: Dispat
         },
         match target {
             Target::Device => text!("film_images.wgsl"),
-            Target::Browser => text!("film_buffers.wgsl"),
+            Target::Browser { .. } => text!("film_buffers.wgsl"),
         },
         text!("thinning.wgsl"),
         text!("factors.wgsl"),
@@ -238,7 +238,8 @@ fn clipped(constants: Constants, plan: &ScenePlan) -> Constants {
 }
 
 /// Constants of the march shader for `plan`.
-fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Dispatching) -> Constants {
+fn constants(plan: &ScenePlan, Dispatching { group, block, residence, target, .. }: Dispatching) -> Constants {
+    let is_fetched = target == Target::Browser { filters: false } && plan.interpolation.is_filtered();
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let table_lanes = unsigned(parts.lanes.max(1));
@@ -284,6 +285,8 @@ fn constants(plan: &ScenePlan, Dispatching { group, block, residence, .. }: Disp
         .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("FETCHED", is_fetched)
+        .bool("PLACED_FETCHED", is_fetched || plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("CUBIC_ALONG", plan.interpolation.cubic_axis().is_some())
         .u32("CUBIC_AXIS", unsigned(plan.interpolation.cubic_axis().unwrap_or(0)))
@@ -351,6 +354,8 @@ pub(super) fn light_grid_source(
         .bool("SMOOTH_LABELS", plan.smooth_labels)
         .bool("NEAREST", plan.interpolation == Interpolation::Nearest)
         .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("FETCHED", false)
+        .bool("PLACED_FETCHED", plan.interpolation == Interpolation::ExactLinear)
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("CUBIC_ALONG", plan.interpolation.cubic_axis().is_some())
         .u32("CUBIC_AXIS", unsigned(plan.interpolation.cubic_axis().unwrap_or(0)))

@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::{NumberStorage, TransferTable};
+use glam::DVec3;
+
+use super::{NumberStorage, PlacedField, TransferTable};
 use crate::plan::{Integrate, Planned, ScenePlan};
 use crate::{Interpolation, Scene};
 use relume_base::number::{count, whole};
@@ -13,7 +15,15 @@ const MARGIN: usize = 2;
 /// The same for cubic splines, which read two voxels more.
 const MARGIN_OF_SPLINES: usize = 4;
 
-/// Voxels that a march in the crop box of `scene` reads at most: a range along each axis.
+/// Voxels of a field on a grid of its own that a march of `scene` may read.
+pub fn read_of_placed(scene: &Scene, placed: &PlacedField) -> impl Fn([usize; 3]) -> bool {
+    let [low, high] = scene.crop.unwrap_or_else(|| scene.frame.whole_box());
+    // An axis of one voxel is one voxel thick.
+    let thick = DVec3::select(scene.frame.thin_axes().into(), DVec3::splat(0.5), DVec3::ZERO);
+    placed.near([low - thick, high + thick], count(MARGIN_OF_SPLINES))
+}
+
+/// Voxels of the volume that a march in the crop box of `scene` reads at most: a range along each axis.
 #[must_use]
 pub fn read_in_crop(scene: &Scene) -> [Range<usize>; 3] {
     let dims = scene.frame.geometry.dims;

@@ -27,7 +27,7 @@ pub use cells::{CELL, Cells, Occupancy, occupancy_of_fields};
 pub use clip::{CapTable, ClipTable};
 pub use crossings::{CROSSING_CELLS, CrossingTable};
 pub use factors::FactorTable;
-pub use hidden::read_in_crop;
+pub use hidden::{read_in_crop, read_of_placed};
 pub use labels::{LabelRows, LabelTable};
 pub use lights::{GridDepth, GridLight, PositionTable, ShadingTable, sky_direction, sky_reach};
 pub use phase::{Phase, PhaseTable};

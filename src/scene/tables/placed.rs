@@ -1,6 +1,6 @@
 //! Fields on grids of their own, in texture coordinates of the frame.
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec3, DVec4};
 
 use super::{Storage, unit_length};
 use crate::{Field, Frame, Scene};
@@ -73,6 +73,27 @@ impl PlacedField {
     pub fn index_of_voxel(&self, index: DVec3) -> DVec3 {
         let place = (index + 0.5) / DVec3::from_array(self.frame.map(count));
         DVec3::from_array(self.rows.map(|row| row.dot(place.extend(1.0))))
+    }
+
+    /// True for voxels within `margin` of its voxels, along each of its axes, of a place between two corners in voxel indices of the frame.
+    pub fn near(&self, [low, high]: [DVec3; 2], margin: f64) -> impl Fn([usize; 3]) -> bool {
+        let scale = DVec3::from_array(self.frame.map(count));
+        let to_own = DMat3::from_cols_array_2d(&self.rows.map(|row| (row.truncate() / scale).to_array())).transpose();
+        let (to_frame, first) = (to_own.inverse(), self.index_of_voxel(DVec3::ZERO));
+        // Two boxes meet unless they are apart along a normal of one of their faces or across an edge of each.
+        let edges = DVec3::AXES.map(|axis| to_frame * (margin * axis));
+        let across = DVec3::AXES.into_iter().flat_map(|axis| edges.map(|edge| axis.cross(edge)));
+        let normals = DVec3::AXES.into_iter().chain([0, 1, 2].map(|axis| to_own.row(axis))).chain(across);
+        let (middle, half) = (low.midpoint(high), (high - low) / 2.0);
+        let limits: Vec<(DVec3, f64)> = normals
+            .map(|normal| {
+                (normal, normal.abs().dot(half) + edges.iter().map(|&edge| normal.dot(edge).abs()).sum::<f64>())
+            })
+            .collect();
+        move |at| {
+            let off = to_frame * (DVec3::from_array(at.map(count)) - first) - middle;
+            limits.iter().all(|&(normal, limit)| normal.dot(off).abs() <= limit)
+        }
     }
 
     /// Half the box, in its voxels, around one that extends so many voxels of the frame to either side.

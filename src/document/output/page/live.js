@@ -3,7 +3,7 @@
 
 import { mount } from "./relume.js";
 
-const { breath, button, clamp, el, fromBase64, inflated, listen, paragraph, pauses, slider } = mount.parts;
+const { breath, button, clamp, css, el, fromBase64, inflated, listen, paragraph, pauses, slider } = mount.parts;
 
 const { abs, cos, floor, hypot, max, min, round, sin, sqrt, tan } = Math;
 
@@ -90,7 +90,7 @@ function summed(numbers, [nx, ny], axis, mask) {
 }
 
 /** Numbers of all voxels of a field from the residuals of a prediction (`output::page::live`). */
-async function numbersOf(dims, { prediction, wide }, bytes) {
+async function numbersOf({ dims, prediction, wide }, bytes) {
   const [nx, ny, nz] = dims, all = nx * ny * nz;
   if (bytes.length !== all * (wide ? 2 : 1)) throw new Unable(DAMAGED);
   const numbers = new Uint16Array(all), pause = pauses(), mask = wide ? 65535 : 255;
@@ -127,10 +127,13 @@ function half(number) {
   return (number < 0 ? 32768 : 0) + (exponent + 15 << 10) + whole - 1024;
 }
 
-/** Fills a texture with the values of all fields, or with that of one and its differences if gradients are stored. */
-async function fill(queue, texture, live, all) {
-  const [nx, ny, nz] = live.dims, slice = nx * ny, { gradient, fields } = live, [numbers] = all, parts = live.format.startsWith("rgba") ? 4 : 1;
-  const narrow = live.format.includes("16"), span = 2 * max(...fields.map(({ largest }) => largest));
+/**
+ * Fills a texture from slice `first` on with the values of these fields, `all` their numbers, or with that of one and its differences if gradients are
+ * stored.
+ */
+async function fill(queue, texture, { format, gradient }, fields, all, first) {
+  const [nx, ny, nz] = fields[0].dims, slice = nx * ny, [numbers] = all, parts = format.startsWith("rgba") ? 4 : 1;
+  const narrow = format.includes("16"), span = 2 * max(...fields.map(({ largest }) => largest));
   const halves = Uint16Array.from({ length: narrow ? 2 * span + 1 : 0 }, (_, i) => half(i - span));
   const texels = new (narrow ? Uint16Array : Float32Array)(slice * parts), near = (at, n) => [max(at - 1, 0), min(at + 1, n - 1)];
   const code = narrow ? (number) => halves[span + number] : (number) => number;
@@ -149,7 +152,7 @@ async function fill(queue, texture, live, all) {
         texels[at + 2] = code((numbers[nx * (y + ny * before) + x] - numbers[nx * (y + ny * behind) + x]) * of_z);
       }
     }
-    queue.writeTexture({ texture, origin: [0, 0, z] }, texels, { bytesPerRow: texels.BYTES_PER_ELEMENT * parts * nx, rowsPerImage: ny }, [nx, ny, 1]);
+    queue.writeTexture({ texture, origin: [0, 0, first + z] }, texels, { bytesPerRow: texels.BYTES_PER_ELEMENT * parts * nx, rowsPerImage: ny }, [nx, ny, 1]);
     await breath();
   }
 }
@@ -182,9 +185,9 @@ const USUAL = { maxTextureDimension3D: 2048, maxStorageBufferBindingSize: 134217
 async function deviceFor(live) {
   const adapter = await navigator.gpu?.requestAdapter({ powerPreference: "high-performance" });
   if (!adapter) throw new Unable("this browser has no WebGPU, or no device for it");
-  const { dims, size, layers, transmittances } = live, pixels = size[0] * size[1];
+  const { size, layers, transmittances } = live, pixels = size[0] * size[1];
   const film = 16 * pixels * max(layers, transmittances);
-  const needs = { maxTextureDimension3D: max(...dims, ...live.grids.flatMap(([, dims]) => dims)), maxStorageBufferBindingSize: film, maxBufferSize: film, maxStorageBuffersPerShaderStage: live.resources.filter(([, kind]) => kind === "storage").length };
+  const needs = { maxTextureDimension3D: max(...live.textures.flatMap(({ dims }) => dims), ...live.grids.flatMap(([, dims]) => dims)), maxStorageBufferBindingSize: film, maxBufferSize: film, maxStorageBuffersPerShaderStage: live.resources.filter(([, kind]) => kind === "storage").length };
   const limits = {};
   for (const [name, needed] of Object.entries(needs)) {
     if (adapter.limits[name] < needed) throw new Unable(`this device has too little room for the volume (${name})`);
@@ -217,16 +220,21 @@ async function prepared(live, blocks, device) {
   }
   const band = device.createBuffer({ size: 32, usage: usage.buffer.UNIFORM | usage.buffer.COPY_DST });
   const texture = (format, size) => device.createTexture({ dimension: "3d", format, size, usage: usage.texture.TEXTURE_BINDING | usage.texture.COPY_DST });
-  const volume = texture(live.format, live.dims);
-  const numbers = [];
-  for (const [field, it] of live.fields.entries()) numbers.push(await numbersOf(live.dims, it, await blocks(`voxels-${field}`)));
-  await fill(queue, volume, live, numbers);
-  let labels;
+  const textures = {};
+  for (const it of live.textures) {
+    const into = textures[it.name] = texture(it.format, it.dims);
+    let first = 0;
+    for (const together of it.behind ? it.fields.map((field) => [field]) : [it.fields]) {
+      const fields = together.map((field) => live.fields[field]), numbers = [];
+      for (const field of together) numbers.push(await numbersOf(live.fields[field], await blocks(`voxels-${field}`)));
+      await fill(queue, into, it, fields, numbers, first);
+      first += fields[0].dims[2];
+    }
+  }
   if (live.label_bytes) {
-    labels = texture({ 1: "r8uint", 2: "r16uint", 4: "r32uint" }[live.label_bytes], live.dims);
+    const labels = textures.labels = texture({ 1: "r8uint", 2: "r16uint", 4: "r32uint" }[live.label_bytes], live.dims);
     queue.writeTexture({ texture: labels }, await blocks("labels"), { bytesPerRow: live.dims[0] * live.label_bytes, rowsPerImage: live.dims[1] }, live.dims);
   }
-  const textures = { volume, labels };
   if (live.grids.length) {
     const bytes = await blocks("grids");
     let at = 0;
@@ -329,9 +337,15 @@ async function prepared(live, blocks, device) {
       };
       return Promise.all(parts.map(read));
     },
-    /** Writes other bytes to a buffer of the shader. */
-    write(name, bytes) { queue.writeBuffer(buffers[name], 0, bytes); },
-    bytes: (name) => bytesOf[name],
+    /** Gives the materials densities that are so many times their own. */
+    thin(densities) {
+      const copy = (name) => bytesOf[name].slice().buffer, tables = { table: live.tables, label: live.tables === "steps" ? "steps" : "densities" };
+      for (const [of, kind] of Object.entries(tables)) {
+        const names = [`${of}_source`, `${of}_opacity`];
+        if (buffers[names[0]]) thinned(live, kind, ...names.map(copy), densities).forEach((table, i) => queue.writeBuffer(buffers[names[i]], 0, table));
+      }
+      if (live.tables === "integrals") queue.writeBuffer(buffers.segments_uniform, 0, Float32Array.of(new Float32Array(copy("segments_uniform"))[0] * max(1, ...densities)));
+    },
     end() { device.destroy(); },
   };
 }
@@ -340,21 +354,21 @@ export { fromBase64, inflated };
 
 // ---- the page ----
 
-const digits = (value) => +(+value).toFixed(4);
+export const digits = (value) => +(+value).toFixed(4);
 const numbersIn = (text, count) => { const all = text.split(",").map(Number); return text && all.length === count && all.every(Number.isFinite) ? all : null; };
 
 /** The camera of a state: as the page opens, but for what the reader turned. */
-function seenIn(live, { seen }) {
+export function seenIn(live, { seen }) {
   const { azimuth, elevation } = live.camera, [a, e, zoom, x, y] = numbersIn(seen, 5) ?? [azimuth, elevation, 1, 0, 0];
   return within({ azimuth: a, elevation: e, zoom, x, y });
 }
 
 /** Steepest view in degrees, and the range of a zoom. */
-const STEEPEST = 89.5, FAR = 0.3, NEAR = 30;
+const STEEPEST = 89.9, FAR = 0.3, NEAR = 30;
 const within = ({ azimuth, elevation, zoom, x, y }) => ({ azimuth: azimuth % 360, elevation: clamp(elevation, -STEEPEST, STEEPEST), zoom: clamp(zoom, FAR, NEAR), x: clamp(x, -5, 5), y: clamp(y, -5, 5) });
 
 /** The crop box of a state: two corners in voxel indices, within the volume, at least a voxel apart. */
-function cutIn(live, { cut }) {
+export function cutIn(live, { cut }) {
   const given = numbersIn(cut, 6), [first, last] = live.crop;
   if (!given) return live.crop;
   const low = first.map((at, axis) => clamp(given[axis], at, max(at, last[axis] - 1)));
@@ -362,27 +376,31 @@ function cutIn(live, { cut }) {
 }
 
 /** Densities of the materials, as factors. */
-const densitiesIn = (live, { dense }) => (numbersIn(dense, live.densities.length) ?? live.densities.map(() => 1)).map((part) => clamp(part, 0, 2));
+export const densitiesIn = (live, { dense }) => (numbersIn(dense, live.densities.length) ?? live.densities.map(() => 1)).map((part) => clamp(part, 0, 2));
 
 /**
- * Tables of light and opacity with these densities of the materials. An entry holds for each material the light that a step gains, σ(1 − e^−τ)/τ, and
- * what it loses, 1 − e^−τ, with τ the sum of all σ that dim; or σ and τ themselves.
+ * Tables of light and opacity with these densities of the materials. An entry of "steps" holds for each material the light that a step gains,
+ * σ(1 − e^−τ)/τ, and what it loses, 1 − e^−τ, with τ the sum of all σ that dim; one of "densities" σ and τ themselves, and one of "integrals" their
+ * sums in whole numbers, of units that are as many times as large as the largest factor above 1.
  */
-export function thinned(live, source, opacity, densities) {
-  const [light, lost] = [new Float32Array(source), new Float32Array(opacity)], stride = 4 * live.table_lanes;
-  for (let row = 0; row * stride < light.length; row++) {
-    const at = row * stride, whole = lost[row], depth = live.steps ? -Math.log1p(-min(whole, 0.99999994)) : whole;
-    const scatter = live.steps && whole > 0 ? depth / whole : 1;
-    let dims = 0;
-    densities.forEach((part, i) => { dims += light[at + i] *= part * scatter; });
-    // Materials that dim less than they scatter.
-    densities.forEach((_, i) => { dims -= light[at + i] * (1 - live.densities[i]); });
-    lost[row] = live.steps ? -Math.expm1(-dims) : dims;
-    const gain = live.steps && dims > 0 ? lost[row] / dims : 1;
-    densities.forEach((_, i) => { light[at + i] *= gain; });
+export function thinned(live, kind, source, opacity, densities) {
+  const whole = kind === "integrals", steps = kind === "steps", [light, lost] = [source, opacity].map((bytes) => new (whole ? Int32Array : Float32Array)(bytes));
+  if (densities.every((part) => part === 1)) return [light, lost];
+  const stride = 4 * live.table_lanes, scale = whole ? max(1, ...densities) : 1, rounded = whole ? round : (number) => number;
+  for (let row = 0, at = 0; at < light.length; row++, at += stride) {
+    const before = lost[row], scatter = steps && before > 0 ? -Math.log1p(-min(before, 0.99999994)) / before : 1;
+    const gains = densities.map((part, i) => light[at + i] * part * scatter / scale);
+    // Materials may dim less than they scatter.
+    const dims = gains.reduce((sum, gain, i) => sum + gain * live.densities[i], 0);
+    lost[row] = rounded(steps ? -Math.expm1(-dims) : dims);
+    gains.forEach((gain, i) => { light[at + i] = rounded(steps && dims > 0 ? gain * lost[row] / dims : gain); });
   }
   return [light, lost];
 }
+
+/** Corners in voxel indices of the file from those of the page, whose voxels may be means of blocks; and the other way. */
+export const inFile = (live, corners) => corners.map((corner) => corner.map((at, axis) => (at + 0.5) * live.block[axis] - 0.5));
+export const inPage = (live, corners) => corners.map((corner) => corner.map((at, axis) => (at + 0.5) / live.block[axis] - 0.5));
 
 /** Flags of Relume for the same view. */
 function flagsOf(live, seen, cut, aspect) {
@@ -392,8 +410,7 @@ function flagsOf(live, seen, cut, aspect) {
     flags.push(`camera={projection="${view.parallel ? "orthographic" : "perspective"}", ${view.parallel ? `height=${+(2 * view.half[1]).toPrecision(7)}` : `fov=${digits(Math.atan(view.half[1]) * 360 / Math.PI)}`}, position=${list(view.eye)}, target=${list(view.target)}, up=${list(camera.up)}}`);
   }
   if (String(cut) !== String(live.crop)) {
-    // In voxels of the file.
-    const [low, high] = cut.map((corner) => list(corner.map((at, axis) => (at + 0.5) * live.block[axis] - 0.5)));
+    const [low, high] = inFile(live, cut).map(list);
     flags.push(`crop={min=${low}, max=${high}}`);
   }
   return flags.map((flag) => `-D '${flag}'`).join(" ");
@@ -410,6 +427,26 @@ function weightsOf(live, page, colours) {
   return weights;
 }
 
+/** Letters of the sides of a patient in a direction of the world, the largest part first (`annotate::letters`). */
+export function lettersOf(patient, direction) {
+  const sizes = direction.map(abs), most = max(...sizes);
+  return [0, 1, 2].filter((axis) => sizes[axis] >= most / 2).sort((a, b) => sizes[b] - sizes[a]).map((axis) => patient[axis][direction[axis] > 0 ? 1 : 0]).join("");
+}
+
+/** Scale bar and letters of a view (twin of `annotate::Overlay`): elements over the picture, and what writes them. */
+function marksOf(live, aspect) {
+  const bar = el("i"), ends = ["left", "right", "top", "bottom"].map((side) => el("b", { class: side }));
+  const write = (seen) => {
+    const { eye, target, forward, right, up, half, parallel } = viewOf(live, seen, aspect);
+    const across = 2 * half[0] * (parallel ? 1 : dot3(plus(target, scaled(eye, -1)), forward)), most = across / 5, power = 10 ** floor(Math.log10(most));
+    const length = +([5, 2, 1].find((digit) => digit * power <= most) * power).toPrecision(1);
+    bar.style.width = `${100 * length / across}%`;
+    bar.textContent = `${length} ${live.unit}${parallel ? "" : " at the target"}`;
+    if (live.patient) [scaled(right, -1), right, up, scaled(up, -1)].forEach((way, i) => { ends[i].textContent = lettersOf(live.patient, way); });
+  };
+  return [el("div", { class: "marks", "aria-hidden": "true" }, bar, ...live.patient ? ends : []), write];
+}
+
 /** Longest march of 64×64 pixels of a device that is worth it, in ms, and of the time after which a hand rests. */
 const SLOW = 250, REST = 160;
 /** Degrees of a drag as long as the picture is high, and of a key; growth by a step of the wheel or a key: as in the window. */
@@ -419,25 +456,22 @@ const TURN = 180, KEY_TURN = 5, NEARER = 1.1;
 function turnable(handle, live, blocks, say, force) {
   const { page, frame } = handle, aspect = page.size[0] / page.size[1], root = frame.closest(".relume");
   let state = handle.state, machine, moving = 0, running = false, shown = "", dense = "", isFull = false, numbers = null, ended = false;
-  const key = () => `${state.seen}|${state.cut}|${state.dense}`;
+  const key = (of = state) => `${of.seen}|${of.cut}|${of.dense}`;
   const small = () => {
     const part = min(1, sqrt(max(machine.speed * MOVING, 4096) / (page.size[0] * page.size[1])));
     return page.size.map((side) => max(1, round(side * part)));
   };
+  const thin = () => { if (dense !== state.dense) machine.thin(densitiesIn(live, state)); dense = state.dense; };
   const march = async () => {
     if (running || ended) return;
     running = true;
     try {
       while (!ended && machine && !(shown === key() && (isFull || moving))) {
-        if (dense !== state.dense) {
-          dense = state.dense;
-          const names = ["table_source", "table_opacity"], floats = names.map((name) => machine.bytes(name).slice().buffer);
-          thinned(live, ...floats, densitiesIn(live, state)).forEach((table, i) => machine.write(names[i], table));
-        }
-        const now = key(), mine = machine, isSmall = !!moving, size = isSmall ? small() : page.size, isOver = () => ended || mine !== machine || !(isSmall && moving) && now !== key();
+        thin();
+        const now = key(), mine = machine, isSmall = !!moving, size = isSmall ? small() : page.size, isLate = () => ended || mine !== machine || !(isSmall && moving) && now !== key();
         // A long march is told.
         const sharpening = setTimeout(() => { if (!ended) say("Sharpening…"); }, 400);
-        const isDone = await mine.march(seenIn(live, state), cutIn(live, state), size, isOver).finally(() => clearTimeout(sharpening));
+        const isDone = await mine.march(seenIn(live, state), cutIn(live, state), size, isLate).finally(() => clearTimeout(sharpening));
         if (!ended) say("");
         if (!isDone || mine !== machine) continue;
         [shown, isFull, numbers] = [now, size.every((side, axis) => side >= page.size[axis]), null];
@@ -453,9 +487,8 @@ function turnable(handle, live, blocks, say, force) {
     draw(colours, canvas) { machine.draw(canvas, weightsOf(live, page, colours), page.soft); },
     changed(next) {
       state = next;
-      // A scale and the letters of sides hold for the view of the program.
-      frame.classList.toggle("turned", !!state.seen);
-      for (const update of updates) update();
+      write(seenIn(live, state));
+      refresh();
       if (key() === shown && isFull) return;
       clearTimeout(moving);
       moving = setTimeout(() => { moving = 0; march(); }, REST);
@@ -475,8 +508,10 @@ function turnable(handle, live, blocks, say, force) {
     },
     end() {},
   };
+  const [marks, write] = marksOf(live, aspect);
+  frame.append(marks);
   // Controls.
-  const updates = [], shows = (get) => { const out = el("output"); updates.push(() => { out.textContent = get(); }); return out; };
+  const updates = [], refresh = () => { const { colours } = handle; for (const update of updates) update(colours); }, shows = (get) => { const out = el("output"); updates.push(() => { out.textContent = get(); }); return out; };
   const set = (seen) => handle.set({ seen: [seen.azimuth, seen.elevation, seen.zoom, seen.x, seen.y].map(digits).join() });
   const turn = (part) => { const seen = seenIn(live, state); set(within({ ...seen, ...part(seen) })); };
   const axis = (name, i) => {
@@ -500,15 +535,27 @@ function turnable(handle, live, blocks, say, force) {
   updates.push(() => { zoom.value = Math.log(seenIn(live, state).zoom); });
   const section = el("section", { "aria-label": "View" }, el("h2", {}, "View"),
     el("label", { class: "row" }, el("span", {}, "Zoom ", shows(() => `${digits(seenIn(live, state).zoom.toFixed(1))} ×`)), zoom),
-    el("h3", {}, "Cut"), ...["x", "y", "z"].map(axis),
+    el("h3", {}, "Cut"), ...live.axes.map(axis),
     ...live.densities.length ? [el("h3", {}, "Density"), ...live.densities.map((_, i) => {
       const { name } = page.components[i], control = slider(`Density of ${name}`, 0, 2, 0.01, () => handle.set({ dense: densitiesIn(live, state).with(i, +control.value).map(digits).join() }));
-      updates.push(() => { control.value = densitiesIn(live, state)[i]; });
-      return el("label", { class: "row" }, el("span", {}, el("bdi", {}, name.replaceAll("_", " ")), " ", shows(() => `${round(100 * densitiesIn(live, state)[i])} %`)), control);
+      const disc = el("span", { class: "swatch" }), k = page.components.length;
+      updates.push((colours) => {
+        control.value = densitiesIn(live, state)[i];
+        disc.style.background = css(page.positions.reduce((sum, _, position) => plus(sum, colours[position * k + i]), [0, 0, 0]));
+      });
+      return el("label", { class: "row" }, el("span", {}, disc, " ", el("bdi", {}, name.replaceAll("_", " ")), " ", shows(() => `${round(100 * densitiesIn(live, state)[i])} %`)), control);
     })] : [],
     live.grids.length ? paragraph("hint", "Shadows stay as they were rendered.") : "",
     el("div", { class: "buttons" }, button("Reset view", reset), button("Whole volume", () => handle.set({ cut: "" }))),
     paragraph("hint", "The same view by Relume (densities have no flag):"), el("div", { class: "source" }, command, copying));
+  /** Zooms; what is under the pointer stays there. */
+  const nearer = (by, { clientX, clientY }) => {
+    const box = frame.getBoundingClientRect(), at = [clientX - box.x - box.width / 2, box.y + box.height / 2 - clientY].map((part) => part / box.height);
+    turn((seen) => {
+      const zoom = clamp(seen.zoom * by, FAR, NEAR), [x, y] = [seen.x, seen.y].map((shift, axis) => (shift + at[axis]) * zoom / seen.zoom - at[axis]);
+      return { zoom, x, y };
+    });
+  };
   // One finger or button turns, two fingers or Shift move, wheel and pinch zoom.
   const fingers = new Map();
   let pinch = 0;
@@ -525,12 +572,12 @@ function turnable(handle, live, blocks, say, force) {
     else turn(({ azimuth, elevation }) => ({ azimuth: azimuth - TURN * dx / side, elevation: elevation + TURN * dy / side }));
     if (fingers.size === 2) {
       const [a, b] = [...fingers.values()], apart = hypot(a[0] - b[0], a[1] - b[1]);
-      if (pinch) turn((seen) => ({ zoom: seen.zoom * apart / pinch }));
+      if (pinch) nearer(apart / pinch, { clientX: (a[0] + b[0]) / 2, clientY: (a[1] + b[1]) / 2 });
       pinch = apart;
     }
   });
   listen(frame, "pointerup pointercancel", (event) => { fingers.delete(event.pointerId); pinch = 0; });
-  frame.addEventListener("wheel", (event) => { if (ended || !machine) return; event.preventDefault(); turn((seen) => ({ zoom: seen.zoom * NEARER ** (-event.deltaY * (event.deltaMode ? 16 : 1) / 50) })); }, { passive: false });
+  frame.addEventListener("wheel", (event) => { if (ended || !machine) return; event.preventDefault(); nearer(NEARER ** (-event.deltaY * (event.deltaMode ? 16 : 1) / 50), event); }, { passive: false });
   listen(frame, "keydown", (event) => {
     if (ended || !machine) return;
     const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key], near = { "+": 1, "=": 1, "-": -1 }[event.key];
@@ -541,21 +588,29 @@ function turnable(handle, live, blocks, say, force) {
   let losses = 0, before = "";
   const begin = async () => {
     machine = await marcher(live, blocks);
+    if (isOver()) return end();
     dense = "";
     const began = performance.now();
     await machine.march(seenIn(live, state), cutIn(live, state), [64, 64]);
-    if (performance.now() - began > SLOW && !force) throw new Unable("this device takes too long to march it");
+    if (performance.now() - began > SLOW && !force) throw new Unable("this device takes too long to march it (#march=always at the end of the address, or always=True in a notebook, waits for it)");
+    if (isOver()) return end();
     machine.lost.then(() => { if (!ended) again(); });
     say("");
+    // The finished view stays until this one is as sharp, or a hand moves.
+    state = handle.state;
+    const first = key();
+    thin();
+    if (await machine.march(seenIn(live, state), cutIn(live, state), page.size, () => isOver() || key(handle.state) !== first)) [shown, isFull] = [first, true];
+    if (isOver()) return end();
     handle.adopt(painter);
     if (section.parentNode) return;
     root.querySelector("aside section").after(section);
     const hint = root.querySelector("main .hint");
     const how = matchMedia("(pointer: coarse)").matches ? "Drag to turn; two fingers move and zoom." : "Drag or arrows turn, with Shift they move; wheel, + and − zoom.";
     before = hint.textContent;
-    hint.textContent = `${how} ${hint.textContent.replace("Drag to turn. ", "")}`;
+    hint.textContent = `${how} Cuts and densities are below the lights. ${hint.textContent.replace("Drag to turn. ", "")}`;
     root.querySelector("details p").append(" On the picture, arrows turn the volume, with Shift they move it; + and − zoom, Home resets view, cuts and densities.");
-    for (const update of updates) update();
+    refresh();
   };
   const again = async () => {
     machine = null;
@@ -568,20 +623,25 @@ function turnable(handle, live, blocks, say, force) {
   };
   /** Ends with the finished views. */
   const over = (error) => {
-    ended = true;
-    machine?.end();
-    if (section.parentNode) { section.remove(); root.querySelector("main .hint").textContent = before; frame.classList.remove("turned"); }
+    if (isOver()) return end();
+    end();
+    if (section.parentNode) { section.remove(); root.querySelector("main .hint").textContent = before; }
+    marks.remove();
     const reason = error instanceof Unable ? error.message : `${error.name}, ${error.message}`;
     say(`The volume cannot be turned: ${reason}. ${page.views > 1 ? "Its finished views are" : "Its finished view is"} shown.`);
   };
-  return { begin, over, get machine() { return machine; }, get settled() { return shown === key() && isFull && !running; } };
+  const end = () => { ended = true; machine?.end(); }, isOver = () => ended || handle.ended;
+  return { begin, over, end, get machine() { return machine; }, get settled() { return shown === key() && isFull && !running; } };
 }
 
 /** Lets the reader of an open page turn its volume: `parsed()` describes it, and `blocksOf(description)(name)` are its inflated bytes. */
-async function open(handle, parsed, blocksOf, force) {
-  const root = handle.frame.closest(".relume"), say = (text) => { root.querySelector(".status").textContent = text; };
+export async function open(handle, parsed, blocksOf, force) {
+  const root = handle.frame.closest(".relume"), say = (text) => { if (!handle.ended) root.querySelector(".status").textContent = text; };
   // The finished view comes first.
-  while (!("ready" in root.dataset || "failed" in root.dataset)) await new Promise((go) => setTimeout(go, 20));
+  while (!("ready" in root.dataset || "failed" in root.dataset)) {
+    if (handle.ended) return null;
+    await new Promise((go) => setTimeout(go, 20));
+  }
   say("Preparing the volume…");
   let one;
   try {

@@ -8,10 +8,11 @@ use serde_json::{Value, json};
 use zlib_rs::{DeflateConfig, ReturnCode, Strategy, compress_bound, compress_slice};
 
 use super::PageError;
+use crate::annotate::{PATIENT, in_unit, letters};
 use crate::output::OutputError;
 use relume_base::number::count;
-use relume_scene::plan::{Accumulate, Integrate, Planned, ScenePlan, Transmittance};
-use relume_scene::{Aim, Camera, FIELDS, Fill, Projection, Scene, centre};
+use relume_scene::plan::{Accumulate, Integrate, Planned, Transmittance};
+use relume_scene::{Aim, Camera, FIELDS, Fill, Projection, Scene, Turned, centre};
 use relume_volume::Geometry;
 
 /// A march of a scene as a browser runs it.
@@ -21,8 +22,6 @@ pub struct Live<'a> {
     pub scene: &'a Scene,
     /// Its plan, and the colour model.
     pub planned: &'a Planned,
-    /// The plan of the shader.
-    pub plan: &'a ScenePlan,
     /// Width and height of the picture.
     pub size: [usize; 2],
     /// The march shader as WGSL.
@@ -33,7 +32,7 @@ pub struct Live<'a> {
     pub group: [u32; 2],
     /// Bytes of its buffers by name.
     pub buffers: &'a [(&'static str, Vec<u8>)],
-    /// Voxels of each field as numbers.
+    /// Voxels of each field as numbers; those on grids of their own are the last.
     pub fields: Vec<Numbers<'a>>,
     /// Texels of labels, and bytes of each.
     pub labels: Option<(&'a [u8], usize)>,
@@ -54,6 +53,10 @@ pub struct Numbers<'a> {
     pub shift: u32,
     /// True if 16-bit floats hold them.
     pub is_half: bool,
+    /// Voxels along each axis.
+    pub dims: [usize; 3],
+    /// True if they lie on a grid of their own.
+    pub is_placed: bool,
 }
 
 /// The data of a live page: JSON, and blocks of deflated bytes by name.
@@ -145,10 +148,11 @@ impl Live<'_> {
         let (mut blocks, mut fields) = (Vec::new(), Vec::new());
         for (name, field) in VOXELS.into_iter().zip(&self.fields) {
             let is_wide = field.largest > u32::from(u8::MAX);
-            let (prediction, voxels) = packed_voxels(field.numbers, geometry.dims, is_wide)?;
+            let (prediction, voxels) = packed_voxels(field.numbers, field.dims, is_wide)?;
             lengths.insert(name.to_owned(), json!(field.numbers.len() * if is_wide { 2 } else { 1 }));
             blocks.push((name, voxels));
             fields.push(json!({
+                "dims": field.dims,
                 "largest": field.largest,
                 "shift": field.shift,
                 "wide": is_wide,
@@ -166,29 +170,27 @@ impl Live<'_> {
             lengths.insert(name.to_owned(), json!(bytes.len()));
             blocks.push((name, deflated(bytes, Strategy::Default, BEST)?));
         }
-        let twice = if self.plan.keeps_more() { 2 } else { 1 };
-        let transmittances = self.plan.transmittance_lanes();
-        let is_half = self.fields.iter().all(|field| field.is_half);
-        let filter = if self.plan.interpolation.is_filtered() { "linear" } else { "nearest" };
+        let plan = &self.planned.plan;
+        let twice = if plan.keeps_more() { 2 } else { 1 };
+        let transmittances = plan.transmittance_lanes();
+        let filter = if plan.interpolation.is_filtered() { "linear" } else { "nearest" };
         let [low, high] = self.scene.crop.unwrap_or_else(|| self.scene.frame.whole_box());
         let json = json!({
             "size": self.size,
             "dims": geometry.dims,
             "fields": fields,
-            "gradient": self.plan.stores_gradient(),
-            "format": match (self.plan.stores_gradient() || self.fields.len() > 1, is_half) {
-                (false, true) => "r16float",
-                (false, false) => "r32float",
-                (true, true) => "rgba16float",
-                (true, false) => "rgba32float",
-            },
+            "textures": self.textures(),
             "filter": filter,
             "group": self.group,
-            "lanes": self.plan.lanes(),
-            "table_lanes": self.plan.parts().lanes,
-            "steps": !self.plan.groups.any(),
-            "layers": twice * self.plan.layers().max(1),
-            "layers_used": self.plan.layers(),
+            "lanes": plan.lanes(),
+            "table_lanes": plan.parts().lanes,
+            "tables": match plan.integration {
+                Integrate::Segments => "integrals",
+                _ if plan.adds_densities() => "densities",
+                _ => "steps",
+            },
+            "layers": twice * plan.layers().max(1),
+            "layers_used": plan.layers(),
             "transmittances": twice * transmittances,
             "transmittances_used": transmittances,
             "resources": self.resources,
@@ -202,19 +204,67 @@ impl Live<'_> {
             "crop": [low.to_array(), high.to_array()],
             "thin": self.scene.frame.thin_axes(),
             "block": self.block,
+            "axes": self.axes(),
+            "unit": in_unit(1.0, self.scene.frame.unit).trim_start_matches('1').trim_start(),
+            "patient": if self.scene.frame.anatomical { json!(PATIENT) } else { Value::Null },
         });
         Ok(PackedLive { json: json.to_string().replace('<', "\\u003c"), blocks })
     }
 
+    /// Names of the axes of the volume, with the sides of a patient that they lead from and to.
+    fn axes(&self) -> Vec<String> {
+        let frame = &self.scene.frame;
+        let name = |(name, axis): (&str, DVec3)| match frame.anatomical {
+            true => format!(
+                "{name}, {} to {}",
+                letters(frame.geometry.direction * -axis),
+                letters(frame.geometry.direction * axis)
+            ),
+            false => name.to_owned(),
+        };
+        ["x", "y", "z"].into_iter().zip(DVec3::AXES).map(name).collect()
+    }
+
+    /// Textures of voxels: their names in the shader, sizes, formats, the numbers of their fields, whether these lie one behind the other along z or
+    /// are the numbers of a texel, and whether texels have differences.
+    fn textures(&self) -> Vec<Value> {
+        let plan = &self.planned.plan;
+        let texture = |(name, is_placed, has_differences): (&str, bool, bool)| {
+            let fields: Vec<(usize, &Numbers<'_>)> =
+                self.fields.iter().enumerate().filter(|(_, field)| field.is_placed == is_placed).collect();
+            let along = |axis: usize| fields.iter().map(move |(_, field)| field.dims[axis]);
+            let depth = if is_placed { along(2).sum() } else { along(2).max().unwrap_or_default() };
+            let has_four = has_differences || !is_placed && fields.len() > 1;
+            let is_half = fields.iter().all(|(_, field)| field.is_half);
+            (!fields.is_empty()).then(|| {
+                json!({
+                    "name": name,
+                    "dims": [along(0).max(), along(1).max(), Some(depth)],
+                    "format": match (has_four, is_half) {
+                        (false, true) => "r16float",
+                        (false, false) => "r32float",
+                        (true, true) => "rgba16float",
+                        (true, false) => "rgba32float",
+                    },
+                    "fields": fields.iter().map(|(index, _)| index).collect::<Vec<_>>(),
+                    "behind": is_placed,
+                    "gradient": has_differences,
+                })
+            })
+        };
+        let of_volume = ("volume", false, plan.stores_gradient());
+        let of_placed = ("placed_volumes", true, plan.stores_placed_gradients());
+        [of_volume, of_placed].into_iter().filter_map(texture).collect()
+    }
+
     /// For each material by its place among the weights, the part of its scattering that dims light, where a page can change densities: a table whose
-    /// numbers are those of materials, and no shadows that would be of other densities.
+    /// numbers are those of materials. Shadows stay as they are.
     fn densities(&self) -> Vec<f64> {
-        let plan = self.plan;
+        let plan = &self.planned.plan;
         let changes = matches!(plan.accumulate, Accumulate::Weights { .. })
             && plan.transmittance == Transmittance::Grey
-            && plan.integration == Integrate::Samples
-            && !(plan.labels || plan.blending.is_extreme())
-            && !(plan.light.reads_grid() || plan.light.gathered.is_some());
+            && !plan.blending.is_extreme()
+            && !(0..self.scene.materials.len()).any(|material| self.scene.absorbs(material));
         let of = |&material: &usize| self.scene.materials.get(material).map_or(1.0, |material| material.occludes);
         self.planned.materials.iter().filter(|_| changes).map(of).collect()
     }
@@ -303,13 +353,10 @@ pub fn frame(geometry: &Geometry) -> Value {
 pub fn camera(camera: &Camera, geometry: &Geometry) -> Value {
     let corners = camera.aim.corners_from_centre(geometry).map(|corner| corner.to_array());
     let target = camera.aim.target(geometry);
-    let (azimuth, elevation, front, fill, distance) = match &camera.aim {
-        Aim::Orbit { azimuth, elevation, fill, front, .. } => (*azimuth, *elevation, *front, Some(fill), None),
-        Aim::LookAt { position, target } => {
-            let outward = *position - *target;
-            let above = outward.dot(camera.up.normalize_or_zero());
-            (0.0, (above / outward.length()).asin().to_degrees(), outward, None, Some(outward.length()))
-        }
+    let Turned { azimuth, elevation, .. } = Turned::of(camera);
+    let (front, fill, distance) = match &camera.aim {
+        Aim::Orbit { fill, front, .. } => (*front, Some(fill), None),
+        Aim::LookAt { position, target } => (*position - *target, None, Some(position.distance(*target))),
     };
     let (tangent, half) = match camera.projection {
         Projection::Perspective { fov_degrees } => (Some((fov_degrees / 2.0).to_radians().tan()), None),

@@ -969,6 +969,7 @@ export function mount(root, page, bytes, options = {}) {
     replace(page, bytes) { next = { page, bytes }; look(); },
     ...LIVE ? {
       draw, frame, page,
+      get ended() { return ended; },
       /** Draws by `painter`, whose film is that of a march, in place of the views; without one, by the views again. */
       adopt(painter) {
         frame.classList.toggle("live", !!painter);
@@ -1000,7 +1001,7 @@ function openPage() {
   globalThis.relume = mount(document.getElementById("relume"), page, bytes, { address: true, draw });
 }
 
-if (LIVE) mount.parts = { breath, button, clamp, el, fromBase64, inflated, listen, paragraph, pauses, slider };
+if (LIVE) mount.parts = { breath, button, clamp, css, el, fromBase64, inflated, listen, paragraph, pauses, slider };
 
 // In a page, and not in a notebook; once.
 if (document.querySelector("#relume-page") && !globalThis.relume?.set) openPage();
