@@ -73,6 +73,11 @@ pub enum LiveNote {
         /// Rays of a pixel of the scene.
         rays: usize,
     },
+    /// The voxels themselves, where the scene allows means of them.
+    Voxels {
+        /// Pixels of a voxel of the level that the scene allows.
+        pixels: f64,
+    },
     /// Means of blocks in place of voxels.
     Means {
         /// Voxels of a block along each axis.
@@ -111,12 +116,16 @@ impl fmt::Display for LiveNote {
                 "a live page holds the voxels of a body, and of a head the face: send it only where the person agrees; a crop box leaves out what is beyond it",
             ),
             Self::Rays { rays } => write!(out, "a live page marches one ray a pixel, not {rays}"),
+            Self::Voxels { pixels } => write!(
+                out,
+                "a live page holds no level of its volume for accuracy.voxel_pixels = {pixels}, as a reader comes nearer"
+            ),
             Self::Means { block: [a, b, c], dims: [x, y, z], most } => write!(
                 out,
                 "the page holds means of blocks of {a}×{b}×{c} voxels, {x}×{y}×{z} in all: devices of readers hold {most} of them, and {LONGEST_AXIS} along an axis"
             ),
             Self::Rounded { loss } => {
-                write!(out, "the page holds values of 12 bits: they are rounded by up to {loss:.2e}")
+                write!(out, "values are kept with 12 bits: they are rounded by up to {loss:.2e}")
             }
             Self::Whole => out.write_str(
                 "all voxels in the crop box are in the page, seen or not: with labels, several channels, extremes or segments, none are left out",
@@ -154,8 +163,10 @@ impl ForReaders {
             notes.push(LiveNote::Rays { rays: scene.accuracy.rays });
             scene.accuracy.rays = 1;
         }
-        // A reader comes nearer.
-        scene.accuracy.voxel_pixels = 0.0;
+        if scene.accuracy.voxel_pixels > 0.0 {
+            notes.push(LiveNote::Voxels { pixels: scene.accuracy.voxel_pixels });
+            scene.accuracy.voxel_pixels = 0.0;
+        }
         let dims = scene.frame.geometry.dims;
         let along = |axis: usize| scene.fields.beside().iter().map(move |field| field.volume.geometry.dims[axis]);
         let of_beside = [along(0).max().unwrap_or(0), along(1).max().unwrap_or(0), along(2).sum()];

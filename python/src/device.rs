@@ -14,7 +14,7 @@ use relume::render::{KeptVolume, PlannedJob, RenderWarning, Renderer, SceneRende
 use relume::scene::{Mix, Scene};
 use relume::vulkan::{self, Device, DeviceChoice, Validation, VulkanError};
 
-use crate::errors::{Failed, Made};
+use crate::errors::{BESIDE_DEVICES, Failed, Made};
 use crate::work::heard;
 
 /// The renderer of a device, with the scene that it marched last.
@@ -64,7 +64,7 @@ fn opened(device: &str) -> Made<Kept> {
     let Ok(choice) = device.parse::<DeviceChoice>();
     let opened = Device::open(&choice, Validation::Off);
     let renderer = Renderer::new(opened.map_err(|error| match error {
-        VulkanError::NoMatch { .. } => Failed::from(error).with(", and \"auto\", \"cpu\", \"reference\""),
+        VulkanError::NoMatch { .. } => Failed::from(error).with(BESIDE_DEVICES),
         error => error.into(),
     })?);
     Ok(Kept { renderer, on_device: None, uploads: 0 })

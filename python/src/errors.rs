@@ -20,6 +20,11 @@ use relume::vulkan::VulkanError;
 /// Result of a method: an error of the library becomes an exception.
 pub(crate) type Made<T> = Result<T, Failed>;
 
+/// Advice where there is no device.
+const ON_CPU: &str = "; or render on the CPU: device=\"cpu\"";
+/// What a device may be called beside the names of Vulkan devices.
+pub(crate) const BESIDE_DEVICES: &str = ", and \"auto\", \"cpu\", \"reference\"";
+
 /// An exception to be raised: its class, sentence, code, and the key of the scene that is wrong.
 #[derive(Debug)]
 pub(crate) struct Failed {
@@ -47,6 +52,12 @@ impl Failed {
     /// The same with a longer sentence.
     pub(crate) fn with(self, more: &str) -> Self {
         Self { message: self.message + more, ..self }
+    }
+
+    /// The same without the advice to do without a device.
+    pub(crate) fn of_device_alone(self) -> Self {
+        let message = self.message.replace(ON_CPU, "").replace(BESIDE_DEVICES, "");
+        Self { message, ..self }
     }
 
     fn of(class: &'static str, code: &'static str, error: &dyn Error) -> Self {
@@ -109,7 +120,7 @@ impl From<VulkanError> for Failed {
         let failed = Self::of(class, error.code(), &error);
         match &error {
             VulkanError::NoLoader { .. } | VulkanError::NoDriver | VulkanError::NoDevice => {
-                Self { message: format!("{}; or render on the CPU: device=\"cpu\"", failed.message), ..failed }
+                Self { message: format!("{}{ON_CPU}", failed.message), ..failed }
             }
             _ => failed,
         }

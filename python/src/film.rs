@@ -575,8 +575,9 @@ impl Film {
         title: Option<&str>,
         tolerance: Option<f64>,
     ) -> PyResult<()> {
-        let volume = &volume.get().0;
+        let LiveVolume { packed: volume, of_page } = volume.get();
         work::run(py, None, |progress| {
+            of_page.iter().for_each(work::heard);
             page::check_name(&path)?;
             Ok(self.as_page(title, tolerance).with_live(Some(volume), progress)?.write(&path)?)
         })

@@ -14,7 +14,7 @@ use relume::document::{
     parse_ready, redefined,
 };
 use relume::film::Film as Numbers;
-use relume::live::{self, ForReaders};
+use relume::live::{self, ForReaders, LiveNote};
 use relume::measure::{Enlargement, Goal, Pixels, Wanted};
 use relume::memory;
 use relume::output::FilmFile;
@@ -123,20 +123,24 @@ impl Scene {
 
 /// The volume of a live widget or page.
 #[pyclass(frozen, module = "relume")]
-pub(crate) struct LiveVolume(pub(crate) PackedLive);
+pub(crate) struct LiveVolume {
+    pub(crate) packed: PackedLive,
+    /// What the maker of a page should know of it.
+    pub(crate) of_page: Option<LiveNote>,
+}
 
 #[pymethods]
 impl LiveVolume {
     /// Sizes, names, frame and camera, as the script reads them.
     #[getter]
     fn json(&self) -> &str {
-        &self.0.json
+        &self.packed.json
     }
 
     /// Names and deflated bytes.
     #[getter]
     fn blocks<'py>(&self, py: Python<'py>) -> Vec<(&'static str, Bound<'py, PyBytes>)> {
-        self.0.blocks.iter().map(|(name, bytes)| (*name, PyBytes::new(py, bytes))).collect()
+        self.packed.blocks.iter().map(|(name, bytes)| (*name, PyBytes::new(py, bytes))).collect()
     }
 }
 
@@ -395,6 +399,7 @@ impl Scene {
         }
         work::run(py, progress, |progress| {
             let ForReaders { scene, block, notes } = ForReaders::new(&self.file.scene, size, progress)?;
+            let (of_page, notes): (Vec<_>, Vec<_>) = notes.into_iter().partition(|note| *note == LiveNote::Body);
             notes.iter().filter(|note| note.is_warning()).for_each(heard);
             let statistics = if block == [1; 3] {
                 self.statistics.clone()
@@ -409,12 +414,16 @@ impl Scene {
             let (films, (volume, notes)) =
                 device::marched_and(&device, &job, &mix, size, progress, |renderer, uploaded| {
                     Ok(live::packed(renderer, (&job.scene, &job.planned), uploaded, size, block)?)
-                })?;
+                })
+                .map_err(Failed::of_device_alone)?;
             notes.iter().filter(|note| note.is_warning()).for_each(heard);
             let none = || Failed::new("RelumeError", "film", "there is no film");
             let film = films.into_iter().next().ok_or_else(none)?;
             let dial = self.file.light.dial_of_film(&self.file.dial);
-            Ok((Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)?, LiveVolume(volume)))
+            Ok((
+                Film::of(FilmFile::of_march(&job.scene, &job.planned, &mix, dial, film)?)?,
+                LiveVolume { packed: volume, of_page: of_page.first().copied() },
+            ))
         })
     }
 

@@ -243,6 +243,9 @@ def test_the_live_widget_shares_what_it_shows(scene, tmp_path):
         widget.page(tmp_path / "ball.png")
     with pytest.raises(ValueError, match="needs a Vulkan device"):
         relume.live(scene, device="cpu")
+    with pytest.raises(relume.DeviceError) as wrong:
+        relume.live(scene, device="no such device")
+    assert "reference" not in str(wrong.value), "what a live widget cannot do"
     with pytest.raises(TypeError, match="a scene is shown, not Film"):
         relume.live(widget.film)
     with pytest.raises(ValueError, match="size 300: write"):

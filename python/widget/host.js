@@ -12,8 +12,6 @@ export function hosted(el) {
   host.setAttribute("data-lm-suppress-shortcuts", "true");
   // As narrow as the cell, and not as the window.
   sheet.textContent = style.replaceAll("@media (max-width: 860px)", "@container (max-width: 680px)") + own;
-  // Beside others, as those of an HBox, it takes its share.
-  el.style.flex = "1 1 320px";
   host.attachShadow({ mode: "open" }).append(sheet, root);
   el.append(host);
   return root;

@@ -410,8 +410,8 @@ fn without_a_device_the_finished_view_stays() {
     page.wait("document.getElementById('relume').dataset.ready === 'WebGPU'");
     assert_eq!(page.pixels(), before);
     page.value("live.machine.device.destroy()");
-    page.wait("document.querySelector('.status').textContent.includes('lost twice')");
     page.wait("document.getElementById('relume').dataset.ready !== 'WebGPU'");
+    page.wait("document.querySelector('.status').textContent.includes('lost twice')");
     assert!(page.pixels().iter().any(|&code| code > 60));
 }
 
@@ -451,6 +451,25 @@ fn a_damaged_volume_leaves_the_finished_view() {
     }
 }
 
+/// Of each table of a page: the largest change with densities of 1, and with such that are 1 within rounding, as a part of the number, and of
+/// integrals of the largest one, if that is above 1; the largest number without densities; whether half of them dims less.
+const TABLES: &str = "(async ({ live, blocks }) => {
+    const tables = await script.inflated(script.fromBase64(blocks.tables), live.lengths.tables), bytes = {};
+    let at = 0;
+    for (const [name, length] of live.buffers) bytes[name] = tables.slice(at, at += length).buffer;
+    const largest = (numbers) => numbers.reduce((found, number) => Math.max(found, Math.abs(number)), 0), all = [];
+    for (const [of, kind] of [['table', live.tables], ['label', live.tables === 'steps' ? 'steps' : 'densities']]) {
+        const [source, opacity] = [bytes[`${of}_source`], bytes[`${of}_opacity`]];
+        if (!source) continue;
+        const by = (part) => script.thinned(live, kind, source.slice(), opacity.slice(), live.densities.map(() => part)), before = by(1);
+        const given = [source, opacity].map((bytes) => new before[0].constructor(bytes));
+        const sizes = given.map(largest), off = (tables) => Math.max(...tables.map((table, i) => largest(Array.from(table, (number, n) => (number - given[i][n]) / Math.max(1, kind === 'integrals' ? sizes[i] : Math.abs(given[i][n]))))));
+        const nothing = by(0);
+        all.push([off(before), off(by(0.9999999)), Math.max(...nothing.map(largest)), largest(by(0.5)[1]) < largest(given[1]) || !largest(given[1])]);
+    }
+    return all;
+})(GIVEN)";
+
 /// Films of a volume with these densities of all materials.
 const THINNED: &str = "(async ({ live, blocks, parts }) => {
     const machine = await script.marcher(live, (name) => script.inflated(script.fromBase64(blocks[name]), live.lengths[name]), device);
@@ -489,6 +508,13 @@ fn films_of_other_densities_are_those_of_the_program() {
             if planned.plan.light.reads_grid() || planned.plan.light.gathered.is_some() {
                 // Light of a page stays as it was rendered.
                 continue;
+            }
+            let tables = page.value(&TABLES.replace("GIVEN", &given.to_string()));
+            assert!(!tables.as_array().unwrap().is_empty(), "{name}");
+            for table in tables.as_array().unwrap() {
+                let [as_they_are, made_anew, nothing] = [0, 1, 2].map(|i| table[i].as_f64().unwrap());
+                assert!(as_they_are <= 0.0 && made_anew <= 1e-6 && nothing <= 0.0, "{name}: {tables}");
+                assert_eq!(table[3], true, "{name}: half is less: {tables}");
             }
             // The tables of entries are made anew, too, though their numbers hardly change.
             let parts = [1.0, 0.9999999, 0.5, 1.6, 0.0];

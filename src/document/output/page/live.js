@@ -1,9 +1,7 @@
 // A live page of Relume: holds the volume, and marches it by WebGPU with the shader of the plan. The film stays on the device and is
 // relit there, so that dial, lights, spectra and display are those of relume.js. docs/theory/live.md of Relume explains what is kept exact.
 
-import { mount } from "./relume.js";
-
-const { breath, button, clamp, css, el, fromBase64, inflated, listen, paragraph, pauses, slider } = mount.parts;
+import { breath, button, clamp, copyable, css, el, fromBase64, inflated, listen, paragraph, pauses, slider } from "./relume.js";
 
 const { abs, cos, floor, hypot, max, min, round, sin, sqrt, tan } = Math;
 
@@ -178,9 +176,6 @@ const BAND = 50, MOVING = 40;
 // Samples of a ray at most (`tables::MOST_SAMPLES`).
 const MOST_SAMPLES = 8388608;
 
-/** Limits of every device with WebGPU. */
-const USUAL = { maxTextureDimension3D: 2048, maxStorageBufferBindingSize: 134217728, maxBufferSize: 268435456, maxStorageBuffersPerShaderStage: 8 };
-
 /** A device that can hold the volume and the film, or an `Unable`. */
 async function deviceFor(live) {
   const adapter = await navigator.gpu?.requestAdapter({ powerPreference: "high-performance" });
@@ -188,13 +183,15 @@ async function deviceFor(live) {
   const { size, layers, transmittances } = live, pixels = size[0] * size[1];
   const film = 16 * pixels * max(layers, transmittances);
   const needs = { maxTextureDimension3D: max(...live.textures.flatMap(({ dims }) => dims), ...live.grids.flatMap(([, dims]) => dims)), maxStorageBufferBindingSize: film, maxBufferSize: film, maxStorageBuffersPerShaderStage: live.resources.filter(([, kind]) => kind === "storage").length };
-  const limits = {};
-  for (const [name, needed] of Object.entries(needs)) {
-    if (adapter.limits[name] < needed) throw new Unable(`this device has too little room for the volume (${name})`);
-    if (needed > USUAL[name]) limits[name] = needed;
-  }
-  return adapter.requestDevice({ requiredLimits: limits });
+  const lacking = Object.keys(needs).find((name) => adapter.limits[name] < needs[name]);
+  if (lacking) throw new Unable(`this device has too little room for the volume (${lacking})`);
+  // A device has the usual limits at least, whatever is asked for.
+  return adapter.requestDevice({ requiredLimits: needs });
 }
+
+// Numbers of GPUBufferUsage, and of GPUTextureUsage.
+const MAP_READ = 1, COPY_SRC = 4, COPY_DST = 8, UNIFORM = 64, STORAGE = 128;
+const TEXTURE_COPY_SRC = 1, TEXTURE_COPY_DST = 2, TEXTURE_BINDING = 4, RENDER_ATTACHMENT = 16;
 
 /** Marches a live page's volume: `blocks(name)` are inflated bytes. */
 export async function marcher(live, blocks, device) {
@@ -204,7 +201,7 @@ export async function marcher(live, blocks, device) {
 }
 
 async function prepared(live, blocks, device) {
-  const { queue } = device, lost = device.lost, usage = { buffer: GPUBufferUsage, texture: GPUTextureUsage };
+  const { queue } = device, lost = device.lost;
   const code = new TextDecoder().decode(await blocks("shader"));
   device.pushErrorScope("validation");
   device.pushErrorScope("out-of-memory");
@@ -215,11 +212,11 @@ async function prepared(live, blocks, device) {
   for (const [name, length] of live.buffers) {
     bytesOf[name] = tables.subarray(at, at += length);
     const kind = live.resources.find((one) => one[0] === name)[1];
-    buffers[name] = device.createBuffer({ size: max(16, length + 15 & ~15), usage: usage.buffer.COPY_DST | (kind === "uniform" ? usage.buffer.UNIFORM : usage.buffer.STORAGE) });
+    buffers[name] = device.createBuffer({ size: max(16, length + 15 & ~15), usage: COPY_DST | (kind === "uniform" ? UNIFORM : STORAGE) });
     queue.writeBuffer(buffers[name], 0, bytesOf[name]);
   }
-  const band = device.createBuffer({ size: 32, usage: usage.buffer.UNIFORM | usage.buffer.COPY_DST });
-  const texture = (format, size) => device.createTexture({ dimension: "3d", format, size, usage: usage.texture.TEXTURE_BINDING | usage.texture.COPY_DST });
+  const band = device.createBuffer({ size: 32, usage: UNIFORM | COPY_DST });
+  const texture = (format, size) => device.createTexture({ dimension: "3d", format, size, usage: TEXTURE_BINDING | TEXTURE_COPY_DST });
   const textures = {};
   for (const it of live.textures) {
     const into = textures[it.name] = texture(it.format, it.dims);
@@ -247,7 +244,7 @@ async function prepared(live, blocks, device) {
   // Light is interpolated, whatever the values are.
   const samplers = Object.fromEntries(["nearest", "linear"].map((filter) => [filter, device.createSampler({ magFilter: filter, minFilter: filter })]));
   const films = () => {
-    const [width, height] = live.size, of = (layers) => device.createBuffer({ size: 16 * width * height * max(1, layers), usage: usage.buffer.STORAGE | usage.buffer.COPY_SRC });
+    const [width, height] = live.size, of = (layers) => device.createBuffer({ size: 16 * width * height * max(1, layers), usage: STORAGE | COPY_SRC });
     return { accumulators: of(live.layers), transmittances: of(live.transmittances), size: [1, 1] };
   };
   // The film that is shown, and the next one.
@@ -301,11 +298,11 @@ async function prepared(live, blocks, device) {
         canvas = el("canvas", { width: onto.width, height: onto.height });
         context = canvas.getContext("webgpu");
         const format = navigator.gpu.getPreferredCanvasFormat(), drawn = device.createShaderModule({ code: DRAWN });
-        context.configure({ device, format, alphaMode: "opaque", usage: usage.texture.RENDER_ATTACHMENT | usage.texture.COPY_SRC });
+        context.configure({ device, format, alphaMode: "opaque", usage: RENDER_ATTACHMENT | TEXTURE_COPY_SRC });
         painter = {
           pipeline: device.createRenderPipeline({ layout: "auto", vertex: { module: drawn }, fragment: { module: drawn, targets: [{ format }] } }),
-          uniform: device.createBuffer({ size: 32, usage: usage.buffer.UNIFORM | usage.buffer.COPY_DST }),
-          colours: device.createBuffer({ size: 48 * (live.layers + live.transmittances), usage: usage.buffer.STORAGE | usage.buffer.COPY_DST }),
+          uniform: device.createBuffer({ size: 32, usage: UNIFORM | COPY_DST }),
+          colours: device.createBuffer({ size: 48 * (live.layers + live.transmittances), usage: STORAGE | COPY_DST }),
         };
       }
       queue.writeBuffer(painter.uniform, 0, Float32Array.of(canvas.width, canvas.height));
@@ -327,7 +324,7 @@ async function prepared(live, blocks, device) {
       const pixels = shown.size[0] * shown.size[1], parts = [[shown.accumulators, live.layers_used], [shown.transmittances, live.transmittances_used]];
       const read = async ([buffer, layers]) => {
         if (!layers) return new Float32Array(0);
-        const to = device.createBuffer({ size: 16 * layers * count, usage: usage.buffer.MAP_READ | usage.buffer.COPY_DST }), encoder = device.createCommandEncoder();
+        const to = device.createBuffer({ size: 16 * layers * count, usage: MAP_READ | COPY_DST }), encoder = device.createCommandEncoder();
         for (let layer = 0; layer < layers; layer++) encoder.copyBufferToBuffer(buffer, 16 * (layer * pixels + first), to, 16 * layer * count, 16 * count);
         queue.submit([encoder.finish()]);
         await to.mapAsync(GPUMapMode.READ);
@@ -416,9 +413,12 @@ function flagsOf(live, seen, cut, aspect) {
   return flags.map((flag) => `-D '${flag}'`).join(" ");
 }
 
+/** Numbers of a light position in a pixel. */
+const numbersOfPosition = ({ model, components }) => (model ? model.spectra : components).length;
+
 /** Weights of each layer of the film from those of the page's planes: red, green and blue of four numbers. */
 function weightsOf(live, page, colours) {
-  const k = (page.model ? page.model.spectra : page.components).length, all = k * page.positions.length;
+  const k = numbersOfPosition(page), all = k * page.positions.length;
   const weights = new Float32Array(12 * (live.layers_used + live.transmittances_used));
   colours.forEach((rgb, plane) => {
     const at = plane < all ? [floor(plane / k) * live.lanes + (plane % k >> 2), plane % k % 4] : [live.layers_used + (plane - all >> 2), (plane - all) % 4];
@@ -444,8 +444,10 @@ function marksOf(live, aspect) {
     bar.textContent = `${length} ${live.unit}${parallel ? "" : " at the target"}`;
     if (live.patient) [scaled(right, -1), right, up, scaled(up, -1)].forEach((way, i) => { ends[i].textContent = lettersOf(live.patient, way); });
   };
-  return [el("div", { class: "marks", "aria-hidden": "true" }, bar, ...live.patient ? ends : []), write];
+  return [el("div", { class: "marks", "aria-hidden": "true" }, bar, ...ends), write];
 }
+
+const after = (ms) => new Promise((go) => setTimeout(go, ms));
 
 /** Longest march of 64×64 pixels of a device that is worth it, in ms, and of the time after which a hand rests. */
 const SLOW = 250, REST = 160;
@@ -479,7 +481,7 @@ function turnable(handle, live, blocks, say, force) {
       }
     } catch (error) {
       // A lost device is found by itself.
-      if (machine && !await Promise.race([machine.lost, new Promise((go) => setTimeout(go, 100))])) over(error);
+      if (machine && !await Promise.race([machine.lost, after(100)])) over(error);
     } finally { running = false; }
   };
   const painter = {
@@ -500,7 +502,7 @@ function turnable(handle, live, blocks, say, force) {
       if (numbers?.at === at) return numbers.values;
       const mine = numbers = { at };
       machine.numbers(at, 1).then(([accumulators, transmittances]) => {
-        const k = (page.model ? page.model.spectra : page.components).length, all = k * page.positions.length;
+        const k = numbersOfPosition(page), all = k * page.positions.length;
         mine.values = page.channels.map((_, plane) => plane < all ? accumulators[4 * (floor(plane / k) * live.lanes + (plane % k >> 2)) + plane % k % 4] : transmittances[plane - all]);
         if (numbers === mine) handle.draw();
       }, () => { if (numbers === mine) numbers = null; });
@@ -528,9 +530,8 @@ function turnable(handle, live, blocks, say, force) {
     return last > first ? el("div", { class: "row" }, el("span", {}, `${name} `, shows(() => cutIn(live, state).map((corner) => round(corner[i])).join("–"))), ...ends) : "";
   };
   const reset = () => handle.set({ seen: "", cut: "", dense: "", pixel: null });
-  const copying = button("Copy", () => { command.select(); if (document.execCommand("copy")) copying.textContent = "Copied"; });
-  const command = el("input", { readonly: true, "aria-label": "Flags of Relume for this view", onfocus: () => command.select() });
-  updates.push(() => { command.value = flagsOf(live, seenIn(live, state), cutIn(live, state), aspect); });
+  const [command, setCommand] = copyable("Flags of Relume for this view");
+  updates.push(() => setCommand(flagsOf(live, seenIn(live, state), cutIn(live, state), aspect)));
   const zoom = slider("Zoom", Math.log(FAR), Math.log(NEAR), 0.01, () => turn(() => ({ zoom: Math.exp(+zoom.value) })));
   updates.push(() => { zoom.value = Math.log(seenIn(live, state).zoom); });
   const section = el("section", { "aria-label": "View" }, el("h2", {}, "View"),
@@ -538,16 +539,16 @@ function turnable(handle, live, blocks, say, force) {
     el("h3", {}, "Cut"), ...live.axes.map(axis),
     ...live.densities.length ? [el("h3", {}, "Density"), ...live.densities.map((_, i) => {
       const { name } = page.components[i], control = slider(`Density of ${name}`, 0, 2, 0.01, () => handle.set({ dense: densitiesIn(live, state).with(i, +control.value).map(digits).join() }));
-      const disc = el("span", { class: "swatch" }), k = page.components.length;
+      const disc = el("span", { class: "swatch" });
       updates.push((colours) => {
         control.value = densitiesIn(live, state)[i];
-        disc.style.background = css(page.positions.reduce((sum, _, position) => plus(sum, colours[position * k + i]), [0, 0, 0]));
+        disc.style.background = css(page.positions.reduce((sum, _, position) => plus(sum, colours[position * page.components.length + i]), [0, 0, 0]));
       });
       return el("label", { class: "row" }, el("span", {}, disc, " ", el("bdi", {}, name.replaceAll("_", " ")), " ", shows(() => `${round(100 * densitiesIn(live, state)[i])} %`)), control);
     })] : [],
     live.grids.length ? paragraph("hint", "Shadows stay as they were rendered.") : "",
     el("div", { class: "buttons" }, button("Reset view", reset), button("Whole volume", () => handle.set({ cut: "" }))),
-    paragraph("hint", "The same view by Relume (densities have no flag):"), el("div", { class: "source" }, command, copying));
+    paragraph("hint", "The same view by Relume (densities have no flag):"), command);
   /** Zooms; what is under the pointer stays there. */
   const nearer = (by, { clientX, clientY }) => {
     const box = frame.getBoundingClientRect(), at = [clientX - box.x - box.width / 2, box.y + box.height / 2 - clientY].map((part) => part / box.height);
@@ -588,13 +589,11 @@ function turnable(handle, live, blocks, say, force) {
   let losses = 0, before = "";
   const begin = async () => {
     machine = await marcher(live, blocks);
-    if (isOver()) return end();
     dense = "";
     const began = performance.now();
     await machine.march(seenIn(live, state), cutIn(live, state), [64, 64]);
-    if (performance.now() - began > SLOW && !force) throw new Unable("this device takes too long to march it (#march=always at the end of the address, or always=True in a notebook, waits for it)");
+    if (performance.now() - began > SLOW && !force) throw new Unable("this device takes too long to march it (#march=always in the address or always=True in a notebook waits)");
     if (isOver()) return end();
-    machine.lost.then(() => { if (!ended) again(); });
     say("");
     // The finished view stays until this one is as sharp, or a hand moves.
     state = handle.state;
@@ -602,6 +601,7 @@ function turnable(handle, live, blocks, say, force) {
     thin();
     if (await machine.march(seenIn(live, state), cutIn(live, state), page.size, () => isOver() || key(handle.state) !== first)) [shown, isFull] = [first, true];
     if (isOver()) return end();
+    machine.lost.then(() => { if (!ended) again(); });
     handle.adopt(painter);
     if (section.parentNode) return;
     root.querySelector("aside section").after(section);
@@ -609,7 +609,7 @@ function turnable(handle, live, blocks, say, force) {
     const how = matchMedia("(pointer: coarse)").matches ? "Drag to turn; two fingers move and zoom." : "Drag or arrows turn, with Shift they move; wheel, + and − zoom.";
     before = hint.textContent;
     hint.textContent = `${how} Cuts and densities are below the lights. ${hint.textContent.replace("Drag to turn. ", "")}`;
-    root.querySelector("details p").append(" On the picture, arrows turn the volume, with Shift they move it; + and − zoom, Home resets view, cuts and densities.");
+    root.querySelector("details p").append(" Home resets view, cuts and densities.");
     refresh();
   };
   const again = async () => {
@@ -636,11 +636,11 @@ function turnable(handle, live, blocks, say, force) {
 
 /** Lets the reader of an open page turn its volume: `parsed()` describes it, and `blocksOf(description)(name)` are its inflated bytes. */
 export async function open(handle, parsed, blocksOf, force) {
-  const root = handle.frame.closest(".relume"), say = (text) => { if (!handle.ended) root.querySelector(".status").textContent = text; };
+  const root = handle.frame.closest(".relume"), { dataset } = root, say = (text) => { if (!handle.ended) root.querySelector(".status").textContent = text; };
   // The finished view comes first.
-  while (!("ready" in root.dataset || "failed" in root.dataset)) {
+  while (!("ready" in dataset || "failed" in dataset)) {
     if (handle.ended) return null;
-    await new Promise((go) => setTimeout(go, 20));
+    await after(20);
   }
   say("Preparing the volume…");
   let one;

@@ -427,6 +427,12 @@ const placeIn = (node, { clientX, clientY }) => {
 const button = (text, onclick, attributes) => el("button", { type: "button", onclick, ...attributes }, text);
 const slider = (label, min, max, step, oninput) => el("input", { type: "range", min, max, step, "aria-label": label, oninput });
 const paragraph = (kind, ...children) => el("p", { class: kind }, ...children);
+/** A text to be copied: an element that shows it, and what sets it. */
+const copyable = (label) => {
+  const text = el("input", { readonly: true, "aria-label": label, onfocus: () => text.select() });
+  const copying = button("Copy", () => { text.select(); if (document.execCommand("copy")) copying.textContent = "Copied"; });
+  return [el("div", { class: "source" }, text, copying), (now) => { if (text.value !== now) { text.value = now; copying.textContent = "Copy"; } }];
+};
 const percent = (part) => `${round(100 * part)} %`;
 const short = (text, most = 16) => { const letters = [...text]; return letters.length > most ? `${letters.slice(0, most - 1).join("")}…` : text; };
 // A name in a sentence: its bidi controls end with it.
@@ -618,7 +624,8 @@ export function mount(root, page, bytes, options = {}) {
         planes = packed.get(view);
         shownView = view;
         if (isSlow(mine)) { start(true); continue; }
-        status.textContent = "";
+        // That of a live page says why its volume cannot be turned.
+        if (!LIVE) status.textContent = "";
         drawer.draw(coloursNow());
         past();
         root.dataset.ready = drawer.name;
@@ -805,14 +812,13 @@ export function mount(root, page, bytes, options = {}) {
     choice("Colour vision", [["", "normal"], ...page.deficiencies.map(({ name }) => [name, `${name} (simulated)`])], () => state.vision, (v) => { state.vision = v; }),
   ];
   const zoom = button("Actual pixels", () => { zoom.textContent = frame.classList.toggle("whole") ? "Fit" : "Actual pixels"; });
-  const command = el("input", { readonly: true, "aria-label": "Command of Relume for this mix", onfocus: () => command.select() });
+  const [command, setCommand] = copyable("Command of Relume for this mix");
   const keep = (blob, name) => {
     const url = URL.createObjectURL(blob);
     el("a", { href: url, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(url), 1e4);
   };
   const save = () => { drawer.draw(coloursNow(), canvas); canvas.toBlob((blob) => keep(blob, "picture.png")); };
-  const copying = button("Copy", () => { command.select(); copying.textContent = document.execCommand("copy") ? "Copied" : "Copy"; });
   // Curves that were drawn, as the files that the command names.
   const curves = button("Save drawn curves", () => state.lights.forEach(({ source, curve }, i) => {
     if (source === "drawn") keep(new Blob([curve.map((power, band) => `${380 + 5 * band},${power.toFixed(4)}\n`).join("")]), `drawn${i + 1}.csv`);
@@ -928,8 +934,7 @@ export function mount(root, page, bytes, options = {}) {
       state.stops ? `exposure ${state.stops > 0 ? "+" : ""}${state.stops.toFixed(1)} EV` : "", `observer CIE ${state.observer}`,
       state.adapt ? "white balance" : "", state.vision && `colour vision: ${state.vision}, simulated`,
     ].filter(Boolean).join(", ");
-    const told = commandOf(page, state, dial, mixed());
-    if (command.value !== told) { command.value = told; copying.textContent = "Copy"; }
+    setCommand(commandOf(page, state, dial, mixed()));
     curves.hidden = state.lights.every(({ source }) => source !== "drawn");
     if (views) { views.value = state.view % columns; views.ariaValueText = `${round(360 * (state.view % columns) / columns)}°`; }
     if (heights) heights.value = lastRow - rowOf(state.view);
@@ -951,8 +956,8 @@ export function mount(root, page, bytes, options = {}) {
       el("section", { "aria-label": "Save and share" }, el("h2", {}, "Save and share"),
         el("div", { class: "buttons" }, button("Save PNG", save), button("Print", () => print()), curves),
         options.address ? paragraph("hint", LIVE ? "The address of this page holds light, display, view, cuts and densities: send what follows # with the file." : "The address of this page holds light and display: send it with the file.") : "",
-        paragraph("hint", "The same light by Relume, from the film of the picture (without exposure, white balance and colour vision):"),
-        el("div", { class: "source" }, command, copying)),
+        paragraph("hint", "The same light by Relume, from its film (without exposure, white balance and colour vision):"),
+        command),
       el("details", {}, el("summary", {}, "Keys and about"), el("p", {}, HELP + (views ? TURNING : "")), about)));
   listen(root, "keydown", (event) => { if (event.key === "Escape") change({ pixel: null }); });
   listen(hand, "pointerdown", () => svg.classList.add("used"));
@@ -1001,7 +1006,7 @@ function openPage() {
   globalThis.relume = mount(document.getElementById("relume"), page, bytes, { address: true, draw });
 }
 
-if (LIVE) mount.parts = { breath, button, clamp, css, el, fromBase64, inflated, listen, paragraph, pauses, slider };
+export { breath, button, clamp, copyable, css, el, fromBase64, inflated, listen, paragraph, pauses, slider };
 
 // In a page, and not in a notebook; once.
 if (document.querySelector("#relume-page") && !globalThis.relume?.set) openPage();
